@@ -1,7 +1,5 @@
 """A recorded motion: joint positions over time, with its class, actor and source."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from numbers import Real
@@ -117,11 +115,11 @@ class Clip:
         """Time of each frame from the clip's start, shape (frames,), seconds."""
         return np.arange(self.frames) / self.frame_rate
 
-    def moved_to(self, positions: NDArray[np.floating]) -> Clip:
+    def moved_to(self, positions: NDArray[np.floating]) -> "Clip":
         """Give the same clip with other positions, shape (frames, joints, 3), metres."""
         return replace(self, positions=positions)
 
-    def as_of(self, skeleton: Skeleton) -> Clip:
+    def as_of(self, skeleton: Skeleton) -> "Clip":
         """Give the same clip on another skeleton that has the same joints in any order.
 
         Raises
@@ -137,7 +135,7 @@ class Clip:
             )
         return self.over(skeleton)
 
-    def over(self, skeleton: Skeleton) -> Clip:
+    def over(self, skeleton: Skeleton) -> "Clip":
         """Give the same clip on a skeleton of some of its joints, in any order.
 
         Raises
@@ -150,7 +148,7 @@ class Clip:
             return self if self.skeleton == skeleton else replace(self, skeleton=skeleton)
         return replace(self, skeleton=skeleton, positions=self.positions[:, skeleton.order_from(joints)])
 
-    def restricted_to(self, joints: Collection[str]) -> Clip:
+    def restricted_to(self, joints: Collection[str]) -> "Clip":
         """Give the clip with some of its joints, in this skeleton's order, without rotations.
 
         Raises

@@ -5,8 +5,6 @@ millimetres from each motion's first root position; `starts` holds those first p
 around at the integers' range, so nothing is lost. Zip's checksums show whether a file is damaged.
 """
 
-from __future__ import annotations
-
 import errno
 import io
 import math
@@ -45,7 +43,7 @@ class Learned:
         """Whether there are numbers that hold for other motions too."""
         return any(not name.startswith(TAUGHT) for name in self.named)
 
-    def for_other_motions(self) -> Learned:
+    def for_other_motions(self) -> "Learned":
         """Give the numbers that hold for other motions too."""
         kept = {name: array for name, array in self.named.items() if not name.startswith(TAUGHT)}
         return self if len(kept) == len(self.named) else Learned(kept)

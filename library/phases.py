@@ -5,8 +5,6 @@ recording is warped onto others of its class (dynamic time warping, Sakoe and Ch
 phase, and the median of these is the phase on which they agree.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -94,10 +92,10 @@ class PhaseTable:
     classes: Mapping[str, Keyframes]
     whitening: NDArray[np.float64] = field(repr=False)
     basis: Basis = field(repr=False)
-    recorded: Mapping[str, tuple[tuple[Clip, ...], _Recorded]] = field(repr=False)
+    recorded: "Mapping[str, tuple[tuple[Clip, ...], _Recorded]]" = field(repr=False)
 
     @classmethod
-    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis, known: PhaseTable | None = None) -> PhaseTable:
+    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis, known: "PhaseTable | None" = None) -> "PhaseTable":
         """Find the phases of motions that share a skeleton.
 
         Motions shorter than twice `VELOCITY_SECONDS` are left out, because they cannot be followed.

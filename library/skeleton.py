@@ -1,7 +1,5 @@
 """The skeleton: the joints of a posture, and the pairs of joints that are measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -77,7 +75,7 @@ class Skeleton:
         if any(each >= 0 for each in above):
             raise ValueError(f"parents: expected no joint above itself, got {self.parents}")
 
-    def restricted_to(self, kept: Sequence[int]) -> Skeleton:
+    def restricted_to(self, kept: Sequence[int]) -> "Skeleton":
         """Give a skeleton of some of the joints; the parent of each is the nearest kept joint above it.
 
         Of several joints without a kept joint above them, the first becomes the root and the parent of the others.
@@ -94,7 +92,7 @@ class Skeleton:
         parents = (root if parent < 0 and place != root else parent for place, parent in enumerate(part.parents))
         return Skeleton(part.joints, tuple(parents))
 
-    def linked(self, joints: Sequence[str]) -> Skeleton:
+    def linked(self, joints: Sequence[str]) -> "Skeleton":
         """Give a skeleton of joints in any order: the parent of each is the nearest of them above it in this skeleton.
 
         Parameters
@@ -112,7 +110,7 @@ class Skeleton:
             parents.append(places.get(parent, -1))
         return Skeleton(tuple(joints), tuple(parents))
 
-    def places_of(self, fewer: Skeleton) -> NDArray[np.intp]:
+    def places_of(self, fewer: "Skeleton") -> NDArray[np.intp]:
         """Give the index, among these pairs, of each pair of a skeleton with some of these joints in the same order."""
         kept = [name in fewer.joints for name in self.joints]
         return np.flatnonzero(np.array(kept)[self.pairs].all(axis=1))
@@ -170,7 +168,7 @@ class Skeleton:
         first = next(index for index in found if index >= 0)
         return np.array([first if index < 0 else index for index in found], dtype=np.intp)
 
-    def require_same(self, other: Skeleton) -> None:
+    def require_same(self, other: "Skeleton") -> None:
         """Refuse another skeleton than this one.
 
         Raises

@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+_Key = TypeVar("_Key")
+_Value = TypeVar("_Value")
 #: A datagram, or the parts of a ZeroMQ message.
 Packet = bytes | list[bytes]
 #: Networks whose packets are read; empty for all.
@@ -17,6 +19,13 @@ KEYED = "key "
 def parts_of(packet: Packet) -> list[bytes]:
     """Give a packet's parts; a datagram is one part."""
     return [packet] if isinstance(packet, bytes) else packet
+
+
+def remember(known: dict[_Key, _Value], key: _Key, value: _Value, most: int) -> None:
+    """Remember a value by what a stranger has named; of more than `most` the oldest is forgotten."""
+    if key not in known and len(known) >= most:
+        del known[next(iter(known))]
+    known[key] = value
 
 
 def datagram_of(packet: Packet) -> bytes:
@@ -39,25 +48,18 @@ def is_within(host: str, networks: Networks) -> bool:
 class Receiver(Protocol):
     """An endpoint on which packets come in. Its text is for people, like `OSC 127.0.0.1:9310`."""
 
+    #: The address as recordings name it: the transport, a space and the address.
+    place: str
+    #: The sender of the last packet.
+    sender: Sender
+    #: Seconds for which the last packet waited in the system; 0 where the transport does not say.
+    waited: float
+    #: Packets that the system dropped because they came faster than they were received.
+    kernel_drops: int
+
     @property
     def socket(self) -> object:
         """The socket, which `zmq.Poller` can wait for."""
-
-    @property
-    def place(self) -> str:
-        """The address as recordings name it: the transport, a space and the address."""
-
-    @property
-    def sender(self) -> Sender:
-        """The sender of the last packet."""
-
-    @property
-    def waited(self) -> float:
-        """Seconds for which the last packet waited in the system; 0 where the transport does not say."""
-
-    @property
-    def kernel_drops(self) -> int:
-        """Packets that the system dropped because they came faster than they were received."""
 
     def broken(self) -> int:
         """Count the connections that broke while the sender was there; call it about once a second."""

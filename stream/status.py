@@ -1,18 +1,10 @@
 """The counters of a running service: counts, rates, hop times, and the last packets that were refused."""
 
-from __future__ import annotations
-
-from collections import defaultdict, deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-
-import numpy as np
 
 from kinespace.stream.packet import Packet, Sender, sender_name
 from kinespace.stream.recognizer.performers import PerformerCounts
 
-#: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
-_MAX_HOPS = 2048
 #: Seconds of a hop's 99th percentile beyond which answers are late.
 _LATE = 0.1
 #: Share of the answers due below which they are late, too.
@@ -46,7 +38,7 @@ class InputCounts:
     #: Frames that waited when the service could not keep up, dropped because others of the performer came.
     stale: int = 0
 
-    def __add__(self, other: InputCounts) -> InputCounts:
+    def __add__(self, other: "InputCounts") -> "InputCounts":
         return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
 
 
@@ -144,36 +136,6 @@ class Status:
         at_the_border += inputs.thrown_away + inputs.stale
         at_the_border += outcomes.opening
         return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
-
-
-class Rates(defaultdict[str, int]):
-    """Frames of each performer since the last reading; `read` gives them for each second."""
-
-    def __init__(self, since: float) -> None:
-        super().__init__(int)
-        self._since = since
-
-    def read(self, now: float, performers: Sequence[str]) -> dict[str, float]:
-        """Give the rates of some performers since the last reading, and count from 0 again.
-
-        Thousands of names may have been counted for which there was no room.
-        """
-        elapsed = max(now - self._since, 1e-9)
-        rates = {name: self[name] / elapsed for name in performers if name in self}
-        self._since = now
-        self.clear()
-        return rates
-
-
-class HopTimes(deque[float]):
-    """How long the last hops took, seconds."""
-
-    def __init__(self) -> None:
-        super().__init__(maxlen=_MAX_HOPS)
-
-    def percentile(self, percent: float) -> float:
-        """Give a percentile in seconds; 0 before the first hop."""
-        return float(np.percentile(self, percent)) if self else 0.0
 
 
 class Refusals:

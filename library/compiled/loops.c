@@ -2,7 +2,6 @@
  *
  *   slide       stream/recognizer/window.py
  *   read_distances, read_points   the same
- *   compare     library/windows/comparer.py
  *
  * The module is optional. Arguments are checked here; a function that gives None leaves the call to numpy.
  */
@@ -37,19 +36,14 @@
 /* Rounds of rotations at most, and the share of the diagonal that is none. */
 #define MAX_ROUNDS 30
 #define NONE 1e-15
-/* Windows that are compared at once, and groups of parts at most. */
-#define LANE 64
-#define GROUPS 8
-/* Eigenvectors of a window that are compared with another's. */
+/* Eigenvectors that must be found. */
 #define EIGENVECTORS 4
-/* A squared distance above all others. */
-#define FARTHEST 1e30F
 
 /* ---- arguments ---------------------------------------------------------------------------------------------------- */
 
 /* Arrays that are read, or written, while a function runs. */
 typedef struct {
-    Py_buffer views[8 + 2 * GROUPS];
+    Py_buffer views[8];
     int count;
 } Arrays;
 
@@ -95,31 +89,26 @@ static PyObject *new_array(int is_matrix, Py_ssize_t rows, Py_ssize_t columns, d
     return array;
 }
 
-/* Sixteen floats, and eight doubles. */
-typedef float Some __attribute__((vector_size(64), aligned(4), may_alias));
-typedef int32_t Bits __attribute__((vector_size(64), aligned(4), may_alias));
+/* Eight doubles. */
 typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
-typedef int64_t LongBits __attribute__((vector_size(64), aligned(8), may_alias));
+typedef int64_t Bits __attribute__((vector_size(64), aligned(8), may_alias));
 
-/* Natural logarithms of positive numbers x = 2^e m with m near 1: log m = 2 (s + s³/3 + s⁵/5 + ...), s = (m - 1) / (m + 1).
- * `half` is the bits of √½, where m begins; `digits` those after the point; `last` the last odd number of the series. */
-#define LOGARITHMS(name, Numbers, Integers, Number, half, digits, last)                                                 \
-    INLINE Numbers name(Numbers numbers) {                                                                              \
-        union {                                                                                                         \
-            Integers bits;                                                                                              \
-            Numbers whole;                                                                                              \
-        } each = {.whole = numbers};                                                                                    \
-        const Integers exponents = (each.bits - half) >> digits;                                                        \
-        each.bits -= exponents << digits;                                                                               \
-        const Numbers s = (each.whole - 1) / (each.whole + 1), square = s * s;                                          \
-        Numbers series = square * 0 + (Number)1 / last;                                                                 \
-        for (int odd = last - 2; odd > 0; odd -= 2) {                                                                   \
-            series = series * square + (Number)1 / (Number)odd;                                                         \
-        }                                                                                                               \
-        return 2 * s * series + __builtin_convertvector(exponents, Numbers) * (Number)0.693147180559945309417;          \
+/* Natural logarithms of positive numbers x = 2^e m with m near 1: log m = 2 (s + s³/3 + s⁵/5 + ...), s = (m - 1) / (m + 1). */
+INLINE Eight logs_of(Eight numbers) {
+    union {
+        Bits bits;
+        Eight whole;
+    } each = {.whole = numbers};
+    /* m begins at √½, whose bits these are; 52 bits lie behind the point. */
+    const Bits exponents = (each.bits - 0x3FE6A09E667F3BCD) >> 52;
+    each.bits -= exponents << 52;
+    const Eight s = (each.whole - 1) / (each.whole + 1), square = s * s;
+    Eight series = square * 0 + 1.0 / 21;
+    for (int odd = 19; odd > 0; odd -= 2) {
+        series = series * square + 1.0 / odd;
     }
-LOGARITHMS(logs_of, Some, Bits, float, 0x3F3504F3, 23, 9)
-LOGARITHMS(long_logs_of, Eight, LongBits, double, 0x3FE6A09E667F3BCD, 52, 21)
+    return 2 * s * series + __builtin_convertvector(exponents, Eight) * 0.693147180559945309417;
+}
 
 /* ---- sums that follow a window ------------------------------------------------------------------------------------ */
 
@@ -220,7 +209,7 @@ FOR_EACH_PROCESSOR static void read_parts(const double *restrict reference, cons
         Eight some = {0.0};
         const size_t bytes = sizeof(double) * (size_t)(width - i < 8 ? width - i : 8);
         memcpy(&some, spread + i, bytes);
-        some = long_logs_of(some);
+        some = logs_of(some);
         memcpy(spread + i, &some, bytes);
     }
     for (Py_ssize_t i = 0; i < width; i++) {
@@ -500,218 +489,12 @@ static PyObject *read_points(PyObject *module, PyObject *arguments) {
     return Py_BuildValue("NNNd", found, those, parts, trace);
 }
 
-/* ---- a window compared with a library's --------------------------------------------------------------------------- */
-
-#define SOME 16
-#define REGISTERS (LANE / SOME)
-
-/* Parts compared as one vector of so many axes, or as the matrices of so many eigenvectors (0: a vector). */
-typedef struct {
-    Py_ssize_t axes, eigenvectors, row; /* numbers from one axis to the next */
-    const float *vector, *windows, *lengths;
-} Group;
-
-/* Squared distances of a lane of windows: |a − b|² = |a|² − 2 a b + |b|², of a and −2 a. */
-INLINE void squared_distances(const Group *group, const float *restrict doubled, float square, Py_ssize_t begin, float *restrict squared) {
-    Some sums[REGISTERS];
-    memcpy(sums, group->lengths + begin, sizeof sums);
-    for (int j = 0; j < REGISTERS; j++) {
-        sums[j] += square;
-    }
-    for (Py_ssize_t k = 0; k < group->axes; k++) {
-        const Some *row = (const Some *)(group->windows + k * group->row + begin);
-        for (int j = 0; j < REGISTERS; j++) {
-            sums[j] += doubled[k] * row[j];
-        }
-    }
-    memcpy(squared, sums, sizeof sums);
-}
-
-/* The same of matrices of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩²; two registers at a time, whose sums fit into registers. */
-INLINE void squared_products(const Group *group, int count, Py_ssize_t begin, float *restrict squared) {
-    const Py_ssize_t windows = group->row / count;
-    for (int half = 0; half < LANE; half += 2 * SOME) {
-        Some one = {0.0F}, other = {0.0F};
-        for (int i = 0; i < count; i++) {
-            Some products[EIGENVECTORS][2] = {{{0.0F}}};
-            for (Py_ssize_t k = 0; k < group->axes; k++) {
-                const Some *row = (const Some *)(group->windows + k * group->row + i * windows + begin + half);
-                for (int q = 0; q < count; q++) {
-                    products[q][0] += group->vector[q * group->axes + k] * row[0];
-                    products[q][1] += group->vector[q * group->axes + k] * row[1];
-                }
-            }
-            for (int q = 0; q < count; q++) {
-                one += products[q][0] * products[q][0];
-                other += products[q][1] * products[q][1];
-            }
-        }
-        const Some *lengths = (const Some *)(group->lengths + begin + half);
-        *(Some *)(squared + half) = 1.0F + lengths[0] - 2.0F * one;
-        *(Some *)(squared + half + SOME) = 1.0F + lengths[1] - 2.0F * other;
-    }
-}
-
-/* Weigh the log distances of a lane of windows; weighed (views, windows). */
-FOR_EACH_PROCESSOR static void weigh(const Group *groups, int count, const float *restrict weights, Py_ssize_t views, float nearest,
-                                     Py_ssize_t windows, float *restrict weighed) {
-    float doubled[GROUPS][256], squares[GROUPS] = {0.0F}, squared[LANE];
-    for (int g = 0; g < count; g++) {
-        for (Py_ssize_t k = 0; k < groups[g].axes && !groups[g].eigenvectors; k++) {
-            doubled[g][k] = -2.0F * groups[g].vector[k];
-            squares[g] += groups[g].vector[k] * groups[g].vector[k];
-        }
-    }
-    for (Py_ssize_t begin = 0; begin < windows; begin += LANE) {
-        Some logs[GROUPS][REGISTERS];
-        for (int g = 0; g < count; g++) {
-            if (groups[g].eigenvectors == EIGENVECTORS) {
-                squared_products(&groups[g], EIGENVECTORS, begin, squared);
-            } else if (groups[g].eigenvectors) {
-                squared_products(&groups[g], (int)groups[g].eigenvectors, begin, squared);
-            } else {
-                squared_distances(&groups[g], doubled[g], squares[g], begin, squared);
-            }
-            for (int w = 0; w < LANE; w++) {
-                /* NaN counts as the farthest. */
-                const float one = squared[w] < FARTHEST ? squared[w] : FARTHEST;
-                squared[w] = one > nearest ? one : nearest;
-            }
-            for (int j = 0; j < REGISTERS; j++) {
-                logs[g][j] = logs_of(*(const Some *)(squared + SOME * j));
-            }
-        }
-        for (Py_ssize_t v = 0; v < views; v++) {
-            Some sums[REGISTERS] = {{0.0F}};
-            for (int g = 0; g < count; g++) {
-                for (int j = 0; j < REGISTERS; j++) {
-                    sums[j] += weights[v * count + g] * logs[g][j];
-                }
-            }
-            memcpy(weighed + v * windows + begin, sums, sizeof sums);
-        }
-    }
-}
-
-/* The least of some numbers, at least one: some twenty, as a person has windows of a class; the last sixteen overlap. */
-INLINE float least_of(const float *restrict numbers, Py_ssize_t count) {
-    float least = numbers[0], each[SOME];
-    for (Py_ssize_t i = 1; i < count && count < SOME; i++) {
-        least = numbers[i] < least ? numbers[i] : least;
-    }
-    if (count < SOME) {
-        return least;
-    }
-    memcpy(each, numbers + count - SOME, sizeof each);
-    for (Py_ssize_t i = 0; i < count - SOME; i += SOME) {
-        for (int j = 0; j < SOME; j++) {
-            each[j] = numbers[i + j] < each[j] ? numbers[i + j] : each[j];
-        }
-    }
-    for (int step = SOME / 2; step > 0; step /= 2) {
-        for (int j = 0; j < step; j++) {
-            each[j] = each[j + step] < each[j] ? each[j + step] : each[j];
-        }
-    }
-    return each[0];
-}
-
-/* The least of each person's windows in each class. */
-FOR_EACH_PROCESSOR static void least_of_each(const float *restrict numbers, const Py_ssize_t *restrict starts, Py_ssize_t count,
-                                             float *restrict least) {
-    for (Py_ssize_t b = 0; b < count; b++) {
-        least[b] = least_of(numbers + starts[b], starts[b + 1] - starts[b]);
-    }
-}
-
-/* compare(vectors, windows, lengths, weights, starts, persons, nearest, left_out) -> logs; None for more than there is room for */
-static PyObject *compare(PyObject *module, PyObject *arguments) {
-    (void)module;
-    PyObject *vectors, *windows, *object[5];
-    double nearest, *logs;
-    Arrays arrays = {.count = 0};
-    Group groups[GROUPS];
-    if (!PyArg_ParseTuple(arguments, "OOOOOOdO", &vectors, &windows, &object[0], &object[1], &object[2], &object[3], &nearest, &object[4])) {
-        return NULL;
-    }
-    const Py_buffer *lengths = take(&arrays, object[0], "f", 2, 0), *weights = lengths ? take(&arrays, object[1], "f", 2, 0) : NULL;
-    const Py_buffer *start = weights ? take(&arrays, object[2], "lqn", 1, 0) : NULL, *person = start ? take(&arrays, object[3], "lqn", 2, 0) : NULL;
-    const Py_buffer *left_out = person ? take(&arrays, object[4], "?", 1, 0) : NULL;
-    const Py_ssize_t count = PySequence_Size(vectors), given = PySequence_Size(windows);
-    if (left_out == NULL || count < 0 || given < 0) {
-        return let_go(&arrays, NULL);
-    }
-    const Py_ssize_t every = lengths->shape[1], views = weights->shape[0], classes = person->shape[0], most = person->shape[1];
-    const Py_ssize_t *starts = start->buf, *persons = person->buf, blocks = start->shape[0] - 1;
-    if (count > GROUPS) {
-        return let_go(&arrays, Py_NewRef(Py_None));
-    }
-    if (given != count || lengths->shape[0] != count || weights->shape[1] != count || every % LANE || blocks < 1 || most < 2 ||
-        (left_out->shape[0] && left_out->shape[0] != starts[blocks]) || starts[blocks] > every) {
-        return refused(&arrays, "compare");
-    }
-    for (Py_ssize_t g = 0; g < count; g++) {
-        PyObject *vector = PySequence_GetItem(vectors, g), *window = PySequence_GetItem(windows, g);
-        Py_buffer *all = window ? take(&arrays, window, "f", 2, 0) : NULL, *live = &arrays.views[arrays.count];
-        const int failed = all == NULL || vector == NULL || PyObject_GetBuffer(vector, live, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS) < 0;
-        Py_XDECREF(vector);
-        Py_XDECREF(window);
-        if (failed) {
-            return let_go(&arrays, NULL);
-        }
-        arrays.count++;
-        const Py_ssize_t eigenvectors = live->ndim == 2 ? live->shape[0] : 0, axes = live->shape[live->ndim - 1];
-        if (axes > 256 || eigenvectors > EIGENVECTORS) {
-            return let_go(&arrays, Py_NewRef(Py_None));
-        }
-        if (strcmp(live->format, "f") != 0 || live->ndim > 2 || all->shape[0] != axes || all->shape[1] != every * (eigenvectors ? eigenvectors : 1)) {
-            return refused(&arrays, "compare");
-        }
-        groups[g] = (Group){.axes = axes, .eigenvectors = eigenvectors, .row = all->shape[1], .vector = live->buf, .windows = all->buf,
-                            .lengths = (const float *)lengths->buf + g * every};
-    }
-    for (Py_ssize_t b = 0; b < blocks; b++) {
-        if (starts[b] < 0 || starts[b] >= starts[b + 1]) {
-            return refused(&arrays, "compare");
-        }
-    }
-    PyObject *result = new_array(1, views, classes, &logs);
-    float *weighed = result ? PyMem_Malloc(sizeof(float) * (size_t)(views * (every + blocks + 1))) : NULL;
-    if (weighed == NULL) {
-        Py_XDECREF(result);
-        return let_go(&arrays, result ? PyErr_NoMemory() : NULL);
-    }
-    weigh(groups, (int)count, weights->buf, views, (float)nearest, every, weighed);
-    float *least = weighed + views * every;
-    for (Py_ssize_t v = 0; v < views; v++) {
-        float *row = weighed + v * every;
-        for (Py_ssize_t w = 0; w < left_out->shape[0]; w++) {
-            row[w] = ((const char *)left_out->buf)[w] ? INFINITY : row[w];
-        }
-        least_of_each(row, starts, blocks, least);
-        /* For each class the mean of the two least numbers of different people. */
-        for (Py_ssize_t c = 0; c < classes; c++) {
-            float one = INFINITY, two = INFINITY;
-            for (Py_ssize_t p = 0; p < most; p++) {
-                const Py_ssize_t b = persons[c * most + p];
-                const float each = b >= 0 && b < blocks ? least[b] : INFINITY, larger = each < one ? one : each;
-                two = larger < two ? larger : two;
-                one = each < one ? each : one;
-            }
-            logs[v * classes + c] = ((double)one + (double)(two < INFINITY ? two : one)) / 2.0;
-        }
-    }
-    PyMem_Free(weighed);
-    return let_go(&arrays, result);
-}
-
 /* ---- the module --------------------------------------------------------------------------------------------------- */
 
 static PyMethodDef methods[] = {
     {"slide", slide, METH_VARARGS, NULL},
     {"read_points", read_points, METH_VARARGS, NULL},
     {"read_distances", read_distances, METH_VARARGS, NULL},
-    {"compare", compare, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,8 +1,8 @@
 """One naming convention: a program's names for the joints that HDM05 has, read from TOML and checked once.
 
 Capitals and marks between words are ignored: `LeftUpLeg`, `left_up_leg` and `left-upLeg` are one name. So is text in
-front of a name: a namespace (`mixamorig:Hips`), a path (`Armature|Hips`), or a prefix that all joints of a skeleton
-share (`Skeleton 001_Hip`), and an end that all share (`LEFT_HIP_BD`).
+front of a name: a namespace (`mixamorig:Hips`), a path (`Armature|Hips`, `/tf/hips`), or a prefix that all joints of a
+skeleton share (`Skeleton 001_Hip`), and an end that all share (`LEFT_HIP_BD`).
 """
 
 import re
@@ -24,7 +24,7 @@ _ENDING = ".toml"
 _MAX_REMEMBERED = 1024
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
 #: The end of a namespace or a path.
-_NAMESPACE = re.compile(r"\A.*[:|]")
+_NAMESPACE = re.compile(r"\A.*[:|/]")
 #: A side and the rest of a name.
 _SIDED = re.compile(
     r"(?:((?i:left|right|l|r))[\s_\-.]+|([lr]|[Ll]eft|[Rr]ight)(?=[A-Z]))(.+)|"

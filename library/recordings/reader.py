@@ -1,7 +1,7 @@
 """Recorded files of every format that can be read, found in folders and opened by their ending."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
@@ -17,7 +17,7 @@ from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
-from kinespace.library.recordings.formats.units import metres_of
+from kinespace.library.recordings.formats.units import WORDS, metres_of
 
 _AMC = ".amc"
 _C3D = ".c3d"
@@ -97,10 +97,32 @@ class Reading:
 
 def is_recording(path: Path) -> bool:
     """Say whether a file can be read, by its ending or a table's columns."""
-    ending = path.suffix.lower()
+    ending = _ending(path)
     if ending in _TABLES:
         return utkinect.is_take(path) or joint_table.is_joint_table(path)
     return ending in (*ENDINGS, *FILMS)
+
+
+def _begun(path: Path) -> str:
+    """Give the ending of a text's format by its first words, or say what other file it is; empty where neither."""
+    with suppress(OSError), memory.opened(path) as file:
+        held = file.read(64).decode("latin-1")
+        begin = held.removeprefix("ï»¿").lstrip(' "\r\n').lower()
+        found = next((what for front, what in WORDS["begins"].items() if begin.startswith(front)), "")
+        return found or "an empty file" * (not begin and len(held) < 64)
+    return ""
+
+
+def _ending(path: Path) -> str:
+    """Give the ending of a file's format: people keep texts with the ending of a table, too."""
+    ending, begun = path.suffix.lower(), _begun(path)
+    return begun if ending in joint_table.TEXTS and begun in _READERS else ending
+
+
+def _another(path: Path) -> str:
+    """Say what a file is, if it is none of ours whatever its ending; an `.npz` is a ZIP."""
+    begun = _begun(path)
+    return "" if begun in _READERS or (begun and path.suffix.lower() == ".npz") else begun
 
 
 def is_systems(path: Path) -> bool:
@@ -110,8 +132,8 @@ def is_systems(path: Path) -> bool:
 
 def instead_of_recording(path: Path) -> str:
     """Describe a file that is no recording."""
-    if path.is_file() and not path.stat().st_size:
-        return "an empty file"
+    if other := _another(path):
+        return other
     if why := joint_table.why_no_table(path) if path.suffix.lower() in (*_TABLES, ".npy") else "":
         return why
     if path.suffix.lower() in _TABLES:
@@ -224,7 +246,7 @@ class RecordingReader:
         OSError
             The file cannot be opened.
         """
-        if not is_recording(path):
+        if not is_recording(path) or _another(path):
             raise RecordingError(f"{path}: expected a recording ({_NAMED}), got {instead_of_recording(path)}")
         with _errors_naming(path):
             return [self._named(clip) for clip in self._read(path)]
@@ -248,7 +270,7 @@ class RecordingReader:
         return first
 
     def _read(self, path: Path) -> Sequence[Clip]:
-        ending, reading = path.suffix.lower(), self._reading
+        ending, reading = _ending(path), self._reading
         if ending in (RAW, *FILMS):
             if reading.raw is None:
                 got = "a raw recording or a film"

@@ -1,7 +1,5 @@
 """Leading eigenvectors, and the basis in which covariances are kept: directions that hold nearly all movement."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -39,7 +37,7 @@ class Basis:
     @classmethod
     def learned(
         cls, rows_by_class: Iterable[Iterable[NDArray[np.float64]]], body: Body, *, weighted: bool = True
-    ) -> Basis:
+    ) -> "Basis":
         """Learn the directions in which the distances of many motions vary most.
 
         Each class counts alike, whatever its number of motions, and each pair counts alike, whatever its variance.
@@ -67,7 +65,7 @@ class Basis:
         return cls.of(_single(kept * weights[:, None]), _single(weights), share)
 
     @classmethod
-    def of(cls, directions: NDArray[np.floating], weights: NDArray[np.floating], share: float) -> Basis:
+    def of(cls, directions: NDArray[np.floating], weights: NDArray[np.floating], share: float) -> "Basis":
         """Make a basis of numbers that were learned before, in single precision; the arguments are the attributes."""
         return cls(directions.astype(np.float64), weights.astype(np.float64), share)
 

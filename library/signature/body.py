@@ -1,7 +1,5 @@
 """The body behind the distances: its size, and the lengths of its segments, to which a posture is relative."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -32,7 +30,7 @@ class Body:
 
     @classmethod
     @lru_cache(maxsize=16)
-    def of(cls, skeleton: Skeleton) -> Body:
+    def of(cls, skeleton: Skeleton) -> "Body":
         """Find segments and paths by a skeleton's parents; equal skeletons share one body.
 
         Raises

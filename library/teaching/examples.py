@@ -4,8 +4,6 @@ Rosters are values: a change gives a new roster, so that undo goes back to an ol
 computed once, even if the roster changes often.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Sequence
@@ -111,22 +109,22 @@ class Roster:
         """Give the examples of a class."""
         return tuple(each for each in self.examples if each.class_name == class_name)
 
-    def with_example(self, example: Example) -> Roster:
+    def with_example(self, example: Example) -> "Roster":
         """Add an example; it replaces an example of the same number."""
         others = (each for each in self.examples if each.number != example.number)
         return replace(self, examples=(*others, example))
 
-    def renamed(self, old: str, new: str) -> Roster:
+    def renamed(self, old: str, new: str) -> "Roster":
         """Rename a class; two classes that get the same name become one."""
         examples = tuple(replace(each, class_name=new) if each.class_name == old else each for each in self.examples)
         return Roster(examples, frozenset(new if name == old else name for name in self.disabled))
 
-    def without_class(self, class_name: str) -> Roster:
+    def without_class(self, class_name: str) -> "Roster":
         """Forget a class."""
         kept = tuple(each for each in self.examples if each.class_name != class_name)
         return Roster(kept, self.disabled - {class_name})
 
-    def enabled(self, class_name: str, *, on: bool) -> Roster:
+    def enabled(self, class_name: str, *, on: bool) -> "Roster":
         """Answer a class, or stop answering it."""
         return replace(self, disabled=self.disabled - {class_name} if on else self.disabled | {class_name})
 
@@ -135,7 +133,7 @@ class Roster:
         return MotionLibrary.of_clips([each.motion for each in self.examples]) if self.examples else None
 
     @classmethod
-    def of_library(cls, library: MotionLibrary) -> Roster:
+    def of_library(cls, library: MotionLibrary) -> "Roster":
         """Take a library's motions as examples, in the order of their takes' numbers if these are numbers."""
         numbered = enumerate(sorted(library.motions, key=_number), start=1)
         return cls(tuple(Example(number, each.class_name, each, 0.0, each.duration) for number, each in numbered))

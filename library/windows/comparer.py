@@ -1,14 +1,11 @@
 """A window compared with all windows of a library: how far it is from each class, and how likely the same motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.compiled import compiled
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparison import MAX_AXES, Comparison
 
@@ -131,7 +128,7 @@ class Head(NamedTuple):
         factors = np.linalg.solve((1 - _SHRINKAGE) * scatter + equal * np.eye(len(scatter)), means.T)
         return cls(tuple(classes.tolist()), factors, -(means.T * factors).sum(axis=0) / 2)
 
-    def of_classes(self, classes: Sequence[str]) -> Head | None:
+    def of_classes(self, classes: Sequence[str]) -> "Head | None":
         """Give the head of some of the classes, in their order; None if another is among them."""
         if not set(classes) <= set(self.classes):
             return None
@@ -148,11 +145,6 @@ class Head(NamedTuple):
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
-
-#: Windows are compared so many at a time, so a library is filled up to a multiple of it,
-LANE = 64
-#: with windows at this squared distance.
-_FAR = 1e30
 
 
 class Distances(NamedTuple):
@@ -231,15 +223,9 @@ class Comparer(NamedTuple):
             The class and the person of each window, as numbers, shape (windows, 2); the windows of a class lie
             together.
         """
-        count, weighing = len(whose), comparison.weighing
-        room = -(-count // LANE) * LANE
-        lengths = np.full((len(vectors), room), _FAR, dtype=np.float32)
-        windows = []
-        for own, each in zip(lengths, vectors, strict=True):
-            wide = np.zeros((room, *each.shape[1:]), dtype=np.float32)
-            wide[:count] = each
-            own[:count] = _squares(wide[:count]) + np.float32(weighing.nearest)
-            windows.append(np.ascontiguousarray(wide.T.reshape(each.shape[-1], -1)))
+        nearest, count = np.float32(comparison.weighing.nearest), len(whose)
+        lengths = np.array([_squares(each.astype(np.float32)) for each in vectors]) + nearest
+        windows = tuple(np.ascontiguousarray(each.astype(np.float32).T.reshape(each.shape[-1], -1)) for each in vectors)
         new = np.any(whose[1:] != whose[:-1], axis=1)
         starts = np.concatenate([[0], np.flatnonzero(new) + 1, [count]])
         of_class = whose[starts[:-1], 0]
@@ -250,9 +236,9 @@ class Comparer(NamedTuple):
             row[: len(places)] = places
         return cls(
             comparison,
-            tuple(windows),
+            windows,
             lengths,
-            np.array(weighing.weights, dtype=np.float32),
+            np.array(comparison.weighing.weights, dtype=np.float32),
             starts,
             persons,
             np.ascontiguousarray(eigenvectors.T),
@@ -276,42 +262,21 @@ class Comparer(NamedTuple):
 
     def logs(self, vectors: Sequence[Floats], left_out: NDArray[np.bool_] | None = None) -> Numbers:
         """Give the log distances of a window's vectors, as in `Distances`; perhaps with some windows left out."""
-        windows = (self.windows, self.lengths, self.weights, self.starts, self.persons)
-        none = np.zeros(0, dtype=np.bool_)
-        return compare(vectors, *windows, self.comparison.weighing.nearest, none if left_out is None else left_out)
-
-
-@compiled
-def compare(  # noqa: PLR0913, PLR0917 - a window, and a library's windows
-    vectors: Sequence[Floats],
-    windows: Sequence[Floats],
-    lengths: Floats,
-    weights: Floats,
-    starts: Indices,
-    persons: Indices,
-    nearest: float,
-    left_out: NDArray[np.bool_],
-) -> Numbers:
-    """Give the log distances of each class from a window, (weights, classes), by `Comparer`'s arrays.
-
-    `vectors` are the window's; `nearest` is the least squared distance; `left_out` says which windows are not compared,
-    shape (windows,), or (0,) for none.
-    """
-    squared = np.empty_like(lengths)
-    for place, (vector, each) in enumerate(zip(vectors, windows, strict=True)):
-        alike = vector @ each
-        if vector.ndim == 1:
-            squared[place] = vector @ vector - 2 * alike
-        else:
-            # The squared distance of two matrices of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩².
-            np.square(alike, out=alike)
-            squared[place] = 1 - 2 * np.add.reduce(alike.reshape(-1, lengths.shape[1]))
-    squared += lengths
-    np.maximum(squared, np.float32(nearest), out=squared)
-    weighed = (weights @ np.log(squared, out=squared))[:, : starts[-1]]
-    if len(left_out):
-        weighed[:, left_out] = np.inf
-    return agreed(weighed, starts, persons)
+        squared = np.empty_like(self.lengths)
+        for own, vector, windows in zip(squared, vectors, self.windows, strict=True):
+            alike = vector @ windows
+            if vector.ndim == 1:
+                np.subtract(vector @ vector, 2 * alike, out=own)
+            else:
+                # The squared distance of two matrices of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩².
+                np.square(alike, out=alike)
+                np.subtract(1, 2 * np.add.reduce(alike.reshape(-1, len(own))), out=own)
+        squared += self.lengths
+        np.maximum(squared, np.float32(self.comparison.weighing.nearest), out=squared)
+        weighed = self.weights @ np.log(squared, out=squared)
+        if left_out is not None:
+            weighed[:, left_out] = np.inf
+        return agreed(weighed, self.starts, self.persons)
 
 
 def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:

@@ -12,8 +12,6 @@ normalisation, Hatch, Kajarekar and Stolcke 2006), shrunk towards equal scatter 
 keeps the directions in which the windows then vary most.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeVar
@@ -254,7 +252,7 @@ class Weighing:
             if len(view) != len(self.groups) or not np.isclose(sum(view), 1.0):
                 raise ValueError(f"views: expected {len(self.groups)} weights that add up to 1, got {view}")
 
-    def without(self, kind: Kind) -> Weighing:
+    def without(self, kind: Kind) -> "Weighing":
         """Leave out the parts of one kind, to measure their worth; the other weights keep their proportions.
 
         Raises
@@ -345,13 +343,13 @@ class Comparison:
     parts: Mapping[Part, Metric] = field(repr=False)
     groups: tuple[Metric | None, ...] = field(repr=False)
 
-    def of_taught_classes(self) -> Comparison:
+    def of_taught_classes(self) -> "Comparison":
         """Give the comparison for the classes that taught it."""
         groups = tuple(metric and Metric(metric.origin, metric.axes[:, :_TAUGHT_AXES]) for metric in self.groups)
         return replace(self, groups=groups)
 
     @classmethod
-    def learned(cls, weighing: Weighing, numbers: Mapping[Part, NDArray[np.float64]], lessons: Lessons) -> Comparison:
+    def learned(cls, weighing: Weighing, numbers: Mapping[Part, NDArray[np.float64]], lessons: Lessons) -> "Comparison":
         """Learn the metrics from windows of known classes and people.
 
         Parameters

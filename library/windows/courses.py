@@ -13,8 +13,6 @@ A motion is said where a live window costs less than the motion's limit. The lim
 everyday movement (`everyday`, and the motions called `nothing`), and halves of two classes' motions put together.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -105,14 +103,14 @@ class Pieces(NamedTuple):
         ways, widths = np.abs(steps).sum(axis=1), points.max(axis=1) - points.min(axis=1)
         return cls(_unit(courses), _unit(ways), _unit(widths.astype(np.float32)), lengths.sum(axis=1))
 
-    def costs(self, others: Pieces) -> Floats:
+    def costs(self, others: "Pieces") -> Floats:
         """Compare with other pieces: shape (pieces, others)."""
         ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
         products = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
         costs: Floats = (1 - self.courses @ others.courses.T) / products
         return costs
 
-    def as_far(self, others: Pieces, most: float = MAX_WAY) -> NDArray[np.bool_]:
+    def as_far(self, others: "Pieces", most: float = MAX_WAY) -> NDArray[np.bool_]:
         """Say which pieces go at most so much farther or less far than which others, shape (pieces, others)."""
         shares = np.maximum(self.lengths, _TINY)[:, None] / np.maximum(others.lengths, _TINY)
         return (shares < most) & (shares > 1 / most)
@@ -278,7 +276,7 @@ class Courses:
         others = np.maximum.reduceat(np.isfinite(self.crossed), self.starts) if len(self.starts) else ()
         return frozenset(name for name, known in zip(self.classes, others, strict=True) if known)
 
-    def lowered(self, unwanted: Sequence[Clip]) -> Courses:
+    def lowered(self, unwanted: Sequence[Clip]) -> "Courses":
         """Lower the limits by further motions that must not be said, as `of` all of them does."""
         paths = [path_of(clip) for clip in unwanted if clip.frames > 1]
         if not self.counts or not paths:

@@ -1,7 +1,5 @@
 """Windows cut from whole motions, all windows of a motion at once, and mapped to the vectors that are compared."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -208,7 +206,7 @@ class Placed(NamedTuple):
     eigenvectors: NDArray[np.float32]
 
     @classmethod
-    def of(cls, comparison: Comparison, cut: CutWindows) -> Placed:
+    def of(cls, comparison: Comparison, cut: CutWindows) -> "Placed":
         """Map windows to vectors."""
         vectors = tuple(each.astype(np.float16, order="C") for each in comparison.place(cut.numbers))
         return cls(vectors, cut.leading.astype(np.float32))
@@ -232,7 +230,7 @@ class Measured(NamedTuple):
     motions: NDArray[np.intp]
 
     @classmethod
-    def of(cls, library: MotionLibrary, every: float, first: float = FIRST_WINDOW) -> Measured:
+    def of(cls, library: MotionLibrary, every: float, first: float = FIRST_WINDOW) -> "Measured":
         """Cut a library's motions into windows.
 
         Parameters
@@ -254,7 +252,7 @@ class Measured(NamedTuple):
             raise ValueError("library: expected a motion long enough for a window, got none")
         return cls(clips, ends, motions)
 
-    def thinned(self, most: int) -> Measured:
+    def thinned(self, most: int) -> "Measured":
         """Keep at most so many windows, evenly spread."""
         step = -(-len(self.motions) // most)
         if step == 1:
@@ -264,7 +262,7 @@ class Measured(NamedTuple):
         ends = [each[some] for each, some in zip(self.ends, of_motions, strict=True)]
         return Measured(self.clips, ends, self.motions[kept])
 
-    def behind_others(self) -> Measured:
+    def behind_others(self) -> "Measured":
         """Give the same windows as if each motion was played right behind another motion of the same person."""
         clips, ends, before = [*self.clips], [*self.ends], dict[tuple[str, float], "NDArray[np.floating]"]()
         for place in np.random.default_rng(0).permutation(len(clips)).tolist():

@@ -2,4 +2,4 @@
 
 from kinespace.stream.feeds.frame_assembler import FrameAssembler
 from kinespace.stream.feeds.message_reader import Mapper
-from kinespace.stream.feeds.preset import Preset, PresetError, builtin_names, builtin_preset, load_preset
+from kinespace.stream.feeds.preset import Preset, PresetError, builtin_names, builtin_preset, load_preset, parse_preset

@@ -132,8 +132,7 @@ class FrameAssembler:
         self._takes_some = bool(preset.bones) or preset.closings.some
         self._body = LandmarkBody(preset.sent) if preset.guessed else None
         self._axes = np.array([axis for axis, _ in preset.axes])
-        signs = np.array([sign for _, sign in preset.axes])
-        self._metres = signs * np.array(preset.metres)[self._axes]
+        self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
     def push(
         self, messages: Sequence[Message], arrival: float, *, bundle: bool = False, sender: int = 1
@@ -186,13 +185,11 @@ class FrameAssembler:
     def _expire(self, now: float) -> None:
         for name, body in list(self._bodies.items()):
             silent = now - body.last_message
-            if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > self._timeout(body):
+            timeout = min(self.preset.closings.timeout, _PAUSE * body.interval)
+            if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > timeout:
                 self._close(name, body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
                 del self._bodies[name]
-
-    def _timeout(self, body: _Body) -> float:
-        return min(self.preset.closings.timeout, _PAUSE * body.interval)
 
     def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
         """Take in one message; give the performers it is about."""
@@ -272,7 +269,9 @@ class FrameAssembler:
                 body.interval += _NEWER * (min(since, _MAX_INTERVAL) - body.interval)
             body.open[sighting.joint] = sighting
             body.seen[sighting.joint] = (sighting, arrival)
-        if Closing.COMPLETE in self.preset.closings.by and self._is_complete(body):
+        # The count is quick, and excludes all but the last joints.
+        all_here = len(body.open) >= len(self._targets) and self._has_all(body.open)
+        if all_here and Closing.COMPLETE in self.preset.closings.by:
             self._close(name, body, Closing.COMPLETE)
 
     def _see_again(self, name: str, body: _Body) -> None:
@@ -281,10 +280,6 @@ class FrameAssembler:
             self.counts.late += 1
         elif Closing.REPEAT in self.preset.closings.by:
             self._close(name, body, Closing.REPEAT)
-
-    def _is_complete(self, body: _Body) -> bool:
-        # The count is quick, and excludes all but the last joints.
-        return len(body.open) >= len(self._targets) and self._has_all(body.open)
 
     def _in_time(self, name: str, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""

@@ -1,7 +1,5 @@
 """Reading of OSC messages by a preset: one reader for all products."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache
@@ -10,8 +8,9 @@ from urllib.parse import unquote
 
 from kinespace.library.naming import spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
-from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset
+from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset, pattern_of
 from kinespace.stream.osc.packet import Message, number_of
+from kinespace.stream.packet import remember
 
 #: A performer's name may have 64 characters; the number of a second sender is added to it.
 MAX_PERFORMER_LENGTH = 48
@@ -116,13 +115,13 @@ class Mapper:
             raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}{why}")
         return best
 
-    def _find_ways(self, address: str) -> list[_Way]:
+    def _find_ways(self, address: str) -> "list[_Way]":
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()
-        found = [(rule, rule.pattern.fullmatch(address)) for rule in rules]
+        found = [(rule, pattern_of(rule.address).fullmatch(address)) for rule in rules]
         # A name in an address may be written as in a URL (`address_part`).
         return [_Way(rule, {key: unquote(name) for key, name in way.groupdict().items()}) for rule, way in found if way]
 
-    def _read(self, way: _Way, arguments: Sequence[object]) -> Reading | None:
+    def _read(self, way: "_Way", arguments: Sequence[object]) -> Reading | None:
         """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""
         if not way.counts_fit(arguments):
             return None
@@ -141,16 +140,14 @@ class Mapper:
             sightings = self._joints(way, arguments, performer)
         return None if sightings is None else Reading(means, performer, sightings, time)
 
-    def _learn(self, performer: str | None, way: _Way, arguments: Sequence[object]) -> None:
+    def _learn(self, performer: str | None, way: "_Way", arguments: Sequence[object]) -> None:
         number, name = way.text("joint", arguments), way.text("name", arguments)
         if number is None or name is None:
             raise TypeError("joint and name: expected both")
-        if len(self._taught) >= _MAX_REMEMBERED:
-            self._taught.clear()
-        self._taught[performer, number] = name
+        remember(self._taught, (performer, number), name, _MAX_REMEMBERED)
         self._resolved.cache_clear()
 
-    def _time(self, way: _Way, arguments: Sequence[object]) -> float | None:
+    def _time(self, way: "_Way", arguments: Sequence[object]) -> float | None:
         place = way.places.get("time")
         if place is None:
             return None
@@ -161,7 +158,7 @@ class Mapper:
         # As in our own frames, 0 means "on arrival".
         return time * self.preset.seconds if time and math.isfinite(time) else None
 
-    def _joints(self, way: _Way, arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
+    def _joints(self, way: "_Way", arguments: Sequence[object], performer: str | None) -> list[Sighting] | None:
         """Read all joints of a message; None when there are more joints than names."""
         starts, names = way.starts(arguments), way.joint_names(arguments) or self._order
         if len(starts) > len(names):
@@ -182,7 +179,7 @@ class Mapper:
             self.unknown.add(known)
         return found
 
-    def _sighting(self, way: _Way, arguments: Sequence[object], start: int, joint: str) -> Sighting:
+    def _sighting(self, way: "_Way", arguments: Sequence[object], start: int, joint: str) -> Sighting:
         """Read one joint."""
         numbers = [arguments[start + place] for place in way.position]
         if None in numbers:

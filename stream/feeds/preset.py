@@ -100,7 +100,7 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         """Refuse an address or roles that make no sense."""
         try:
-            _ = self.pattern
+            pattern_of(self.address)
         except KeyError as error:
             known = "}, {".join(_PLACEHOLDERS)
             raise ValueError(f"address: expected only {{{known}}} in braces, got {error}") from error
@@ -132,11 +132,6 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if "name" in self.arguments:
             return Means.NAME
         return Means.JOINT if "joint" in self.arguments or "{joint}" in self.address else Means.TIME
-
-    @property
-    def pattern(self) -> re.Pattern[str]:
-        """The address as a regular expression, capitals and small letters alike."""
-        return _pattern(self.address)
 
 
 #: The roles that a message needs for its meaning.
@@ -177,8 +172,7 @@ class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Spell the words in small letters."""
-        words = {word.casefold(): value for word, value in self.words.items()}
-        msgspec.structs.force_setattr(self, "words", words)
+        msgspec.structs.force_setattr(self, "words", {word.casefold(): each for word, each in self.words.items()})
 
 
 class AskedMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -404,7 +398,10 @@ def _with_three_axes(table: dict[str, Any]) -> dict[str, Any]:
 
 
 @lru_cache
-def _pattern(address: str) -> re.Pattern[str]:
-    """Turn an address with placeholders into a regular expression; KeyError for an unknown placeholder."""
+def pattern_of(address: str) -> re.Pattern[str]:
+    """Turn an address with placeholders into a regular expression; KeyError for an unknown placeholder.
+
+    Capitals and small letters are alike.
+    """
     expression = re.sub(r"\\{(\w*)\\}", lambda found: _PLACEHOLDERS[found[1]], re.escape(address))
     return re.compile(expression, re.IGNORECASE)

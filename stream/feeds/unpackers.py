@@ -36,18 +36,24 @@ _SEGMENT = struct.Struct(">i3f16x")
 Unpacker = Callable[[bytes], list[Message]]
 
 
-class _Vector(msgspec.Struct):
+class _ByAxis(msgspec.Struct):
     x: float | None
     y: float | None
     z: float | None
 
 
-#: A place as [x, y, z], as {x, y, z}, or none.
-_Place = tuple[float | None, float | None, float | None] | _Vector | None
+_Axes = tuple[float | None, float | None, float | None]
+#: A place in JSON: as [x, y, z], as {x, y, z}, or none.
+Place = _Axes | _ByAxis | None
+
+
+def axes_of(place: Place) -> _Axes:
+    """Give a place's x, y and z, None for what is lost."""
+    return (place.x, place.y, place.z) if isinstance(place, _ByAxis) else place or (None, None, None)
 
 
 class _RokokoJoint(msgspec.Struct):
-    position: _Place
+    position: Place
 
 
 class _RokokoActor(msgspec.Struct):
@@ -69,7 +75,7 @@ class _ZigSimDevice(msgspec.Struct):
 
 
 class _ZigSimSensors(msgspec.Struct):
-    body: dict[str, _Place] = msgspec.field(default_factory=dict, name="bodyTracking")
+    body: dict[str, Place] = msgspec.field(default_factory=dict, name="bodyTracking")
 
 
 class _ZigSim(msgspec.Struct):
@@ -191,10 +197,9 @@ def _read(read: Callable[[bytes], Any], packet: bytes) -> Any:  # noqa: ANN401 -
         raise PacketError(f"packet: expected this product's JSON ({error})") from error
 
 
-def _message(kind: str, performer: str, joint: str, place: _Place) -> Message:
+def _message(kind: str, performer: str, joint: str, place: Place) -> Message:
     named = address_part(performer[:MAX_PERFORMER_LENGTH] or "performer")
-    position = (place.x, place.y, place.z) if isinstance(place, _Vector) else place or (None, None, None)
-    return Message(f"/{kind}/{named}/{address_part(joint)}", list(position))
+    return Message(f"/{kind}/{named}/{address_part(joint)}", [*axes_of(place)])
 
 
 def _bounded(messages: Iterable[Message]) -> list[Message]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from kinespace.stream.frame import Admitted, Announcement, Frame, Input, NewSender
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.packet import Sender, sender_name
+from kinespace.stream.packet import Sender, remember, sender_name
 from kinespace.stream.status import AdmissionCounts
 
 #: Seconds by which a frame's time may differ both from the last frame's time and from the arrivals.
@@ -133,9 +133,7 @@ class Admission:
         if owner and not restarted and arrival - owner.last_seen <= self._silence:
             self._refuse(event.performer, owner, arrival, host, port)
             return ()
-        if len(self._pending) >= _MAX_NAMES:
-            del self._pending[next(iter(self._pending))]
-        self._pending[event.performer, host, port] = event, arrival
+        remember(self._pending, (event.performer, host, port), (event, arrival), _MAX_NAMES)
         return ()
 
     def _frame(self, frame: Frame, arrival: float, host: str, port: int) -> Sequence[Admitted]:
@@ -145,11 +143,10 @@ class Admission:
         if owner is None or arrival - owner.last_seen > self._silence:
             if owner and (owner.host != host or (owner.port != port and owner.in_a_row >= _STEADY)):
                 first.append(NewSender(name))
-            if len(self._owners) >= _MAX_NAMES:
-                del self._owners[next(iter(self._owners))]
             # Names are ordered by their last change of sender.
             self._owners.pop(name, None)
-            owner = self._owners[name] = _Owner(host, port, arrival, port_last_seen=arrival)
+            owner = _Owner(host, port, arrival, port_last_seen=arrival)
+            remember(self._owners, name, owner, _MAX_NAMES)
         elif not self._is_owner(owner, arrival, host, port):
             self._refuse(name, owner, arrival, host, port)
             return ()
@@ -192,9 +189,8 @@ class Admission:
 
     def _refuse(self, name: str, owner: _Owner, arrival: float, host: str, port: int) -> None:
         self.counts.other_sender += 1
-        if name not in self._conflicts and len(self._conflicts) >= _MAX_PORTS:
-            del self._conflicts[next(iter(self._conflicts))]
-        self._conflicts[name] = sender_name((owner.host, owner.port)), sender_name((host, port)), arrival
+        two = sender_name((owner.host, owner.port)), sender_name((host, port))
+        remember(self._conflicts, name, (*two, arrival), _MAX_PORTS)
 
     def _in_time(self, owner: _Owner, frame: Frame, arrival: float) -> Sequence[Frame]:
         """Admit a frame whose time follows the last one; admit one that jumps with the next one that agrees."""

@@ -8,7 +8,7 @@ from ipaddress import ip_network
 import zmq
 
 from kinespace.stream.frame import Admitted
-from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within
+from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within, remember
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import State, commands
 from kinespace.stream.teaching.commands import Asked, CommandError
@@ -42,9 +42,7 @@ class Quota:
         used = max(used - _A_SECOND * (now - since), 0.0) + commands
         if used > _A_SECOND:
             return False
-        if len(self._used) >= _MAX_SENDERS:
-            self._used.clear()
-        self._used[host] = used, now
+        remember(self._used, host, (used, now), _MAX_SENDERS)
         return True
 
 
@@ -121,8 +119,8 @@ class RequestSource:
 
     Attributes
     ----------
-    pollable
-        The socket.
+    pollable, address
+        The socket, and the endpoint as bound.
     """
 
     #: No frames come in here.
@@ -140,6 +138,7 @@ class RequestSource:
         self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()
     ) -> None:
         self.pollable = endpoint.open(zmq.REP, networks, keyring)
+        self.address = str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
         self._commanding, self._keyed = commanding, keyring is not None
         self._counts, self._quota = InputCounts(), Quota()
         #: Whether a request waits for its reply; the socket takes none before.
@@ -147,11 +146,6 @@ class RequestSource:
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address} (control)"
-
-    @property
-    def address(self) -> str:
-        """The endpoint as bound."""
-        return str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
 
     @property
     def counts(self) -> InputCounts:

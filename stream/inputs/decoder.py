@@ -4,8 +4,6 @@ A decoder counts packets that it cannot read. A source decodes its receiver's pa
 same decoders, with the recorded arrivals and senders.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
@@ -34,14 +32,12 @@ class Decoder(Protocol):
     #: Whether frames may stay open until time closes them: then `expire` must be called every few hundredths of a
     #: second.
     expires: bool
+    #: The last packets that could not be read, with the reason.
+    refusals: Refusals
 
     @property
     def counts(self) -> InputCounts:
         """Counts of packets, and of packets that could not be read."""
-
-    @property
-    def refusals(self) -> Refusals:
-        """The last packets that could not be read, with the reason."""
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet.
@@ -193,7 +189,7 @@ class _Port:
     addresses: set[str] = field(default_factory=set)
     own: bool = False
 
-    def rivals(self, other: _Port) -> bool:
+    def rivals(self, other: "_Port") -> bool:
         """Say whether two ports are of two programs that send the same messages at the same time."""
         steady = min(self.packets, other.packets) >= STEADY and other.last > self.first
         return steady and not self.addresses.isdisjoint(other.addresses)

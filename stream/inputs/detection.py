@@ -98,11 +98,6 @@ class Guess(NamedTuple):
         return () if self.preset.closings.some else tuple(absent)
 
     @property
-    def performers(self) -> tuple[str, ...]:
-        """The performers' names."""
-        return tuple(self.times)
-
-    @property
     def rate(self) -> float:
         """Frames a second of the performer with the most frames; 0 for none."""
         longest = max(self.times.values(), key=len, default=())

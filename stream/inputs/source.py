@@ -6,8 +6,6 @@ of a sender whose debt is too high are put aside until nothing else waits, one a
 oldest are dropped. A sender that is alone is never put aside.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter, deque
@@ -15,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from kinespace.stream.feeds.preset import AskedMessage, Asking, Preset
+from kinespace.stream.feeds.preset import AskedMessage, Preset
 from kinespace.stream.frame import Admitted, Input
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import CommandReader
@@ -25,7 +23,7 @@ from kinespace.stream.inputs.kinerec import Recorder
 from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
-from kinespace.stream.packet import Packet, Receiver, Sender, sender_name
+from kinespace.stream.packet import Packet, Receiver, Sender, remember, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
 
@@ -89,14 +87,18 @@ class Source:
     ----------
     recorder
         As given; it may change while the source is open.
+    pollable
+        The socket.
+    tended_within
+        Seconds within which `tend` has work to do even when no packet comes; inf if it never has.
     has_put_aside
         Whether packets were put aside; the socket does not wake the loop for them.
     commands
         Reads the commands among the packets; None where nobody listens to them.
     unread
         Looks at packets while no frame comes of them; None: nobody does.
-    is_of_browsers
-        Whether a process of ours sends what browsers sent to it.
+    place
+        Where frames come in, for a person; empty for what browsers sent, who know another address.
     waited
         Seconds for which the last packet waited before it was taken in.
     lag
@@ -109,11 +111,11 @@ class Source:
     def __init__(
         self, receiver: Receiver, decoder: Decoder, recorder: Recorder | None = None, admission: Admission | None = None
     ) -> None:
-        self.receiver = receiver
-        self.decoder = decoder
+        self.receiver, self.pollable = receiver, receiver.socket
+        self.decoder, self.tended_within = decoder, TENDING if decoder.expires else math.inf
         self.recorder: Recorder | Survey | None = recorder
         self.commands: CommandReader | None = None
-        self.is_of_browsers = False
+        self.place = str(self)
         self.unread: Unread | None = None
         #: When a frame or an announcement last came, seconds on our clock.
         self._made = -math.inf
@@ -132,21 +134,6 @@ class Source:
 
     def __str__(self) -> str:
         return str(self.receiver)
-
-    @property
-    def place(self) -> str:
-        """Where frames come in; empty for browsers, which know another address."""
-        return "" if self.is_of_browsers else str(self)
-
-    @property
-    def pollable(self) -> object:
-        """The socket."""
-        return self.receiver.socket
-
-    @property
-    def tended_within(self) -> float:
-        """Seconds within which `tend` has work to do even when no packet comes; inf if it never has."""
-        return TENDING if self.decoder.expires else math.inf
 
     @property
     def counts(self) -> InputCounts:
@@ -197,7 +184,7 @@ class Source:
             self._admission.replies_go_to(admitted, sender)
         return [*asked, *admitted] if asked else admitted
 
-    def _next(self, now: float) -> Waiting | None:
+    def _next(self, now: float) -> "Waiting | None":
         """Take the next packet; packets of senders served last only when nothing else waits, and one in a row."""
         receiver, turns = self.receiver, self._turns
         for _ in range(_MAX_LOOKED_THROUGH):
@@ -231,9 +218,7 @@ class Source:
         time = time or arrival
         if self.waited > self.patience or 0 <= time - self._last.get((sender, beginning), -math.inf) < APART:
             return True
-        if len(self._last) >= _MAX_PERFORMERS:
-            self._last.clear()
-        self._last[sender, beginning] = time
+        remember(self._last, (sender, beginning), time, _MAX_PERFORMERS)
         return False
 
     def tend(self, now: float) -> Sequence[Admitted]:
@@ -262,20 +247,6 @@ class Waiting(NamedTuple):
     sender: Sender
 
 
-class _Account:
-    """A sender's debt in seconds, and the time of that debt."""
-
-    __slots__ = ("at", "debt")
-
-    def __init__(self, now: float) -> None:
-        self.debt, self.at = 0.0, now
-
-    def due(self, now: float) -> float:
-        """Give the debt as it is now."""
-        self.debt, self.at = max(self.debt - SHARE * max(now - self.at, 0.0), 0.0), max(now, self.at)
-        return self.debt
-
-
 class Turns:
     """Keeps the debts of one receiver's senders, and the packets that were put aside.
 
@@ -289,7 +260,8 @@ class Turns:
 
     def __init__(self) -> None:
         self.thrown_away = 0
-        self._accounts: dict[Sender, _Account] = {}
+        #: Each sender's debt in seconds, and the moment of that debt.
+        self._debts: dict[Sender, tuple[float, float]] = {}
         self.aside = deque[Waiting]()
         self._aside_bytes = 0
         #: How many of each sender's packets are put aside.
@@ -303,21 +275,21 @@ class Turns:
         if sender != self._before:
             self._before = sender
             # The very first sender is not another than the one before.
-            self._changed = now if self._accounts else self._changed
+            self._changed = now if self._debts else self._changed
         if now - self._changed >= _THERE:
             return False
-        account = self._accounts.get(sender)
         # A sender's packets stay in their order: behind those that are put aside.
-        return self._aside_of[sender] > 0 or (account is not None and account.due(now) > MAX_AT_ONCE)
+        return self._aside_of[sender] > 0 or self._due(sender, now) > MAX_AT_ONCE
+
+    def _due(self, sender: Sender, now: float) -> float:
+        """Give a sender's debt as it is now."""
+        debt, at = self._debts.get(sender, (0.0, now))
+        return max(debt - SHARE * max(now - at, 0.0), 0.0)
 
     def charge(self, sender: Sender, seconds: float, events: int, now: float) -> None:
         """Note the seconds that a packet took, and the number of its frames and announcements."""
-        account = self._accounts.get(sender)
-        if account is None:
-            if len(self._accounts) >= _MAX_SENDERS:
-                del self._accounts[next(iter(self._accounts))]
-            account = self._accounts[sender] = _Account(now)
-        account.debt = min(account.due(now) + seconds + PER_EVENT * events, _MAX_DEBT)
+        debt = min(self._due(sender, now) + seconds + PER_EVENT * events, _MAX_DEBT)
+        remember(self._debts, sender, (debt, now), _MAX_SENDERS)
 
     def put_aside(self, waiting: Waiting) -> None:
         """Keep a packet until nothing else waits; the oldest packets make room for it."""
@@ -341,7 +313,7 @@ class Turns:
         """List the senders whose packets are put aside."""
         if now - self._changed >= _THERE:
             return []
-        return [sender for sender, account in self._accounts.items() if account.due(now) > MAX_AT_ONCE / 2]
+        return [sender for sender in self._debts if self._due(sender, now) > MAX_AT_ONCE / 2]
 
 
 def _size(packet: Packet) -> int:
@@ -381,26 +353,19 @@ class FeedSource(Source):
         recorder: Recorder | None = None,
         admission: Admission | None = None,
     ) -> None:
-        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.preset = preset
+        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
         self.unasked = 0
-        self._asked = self._last_frame = -math.inf
+        self._asked = -math.inf
         self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None
 
     def __str__(self) -> str:
         return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
 
-    def take(self, arrival: float) -> Sequence[Admitted | Asked] | None:
-        """Take in one packet; give its commands, and the frames that it completed; None when no packet waits."""
-        made = super().take(arrival)
-        if made:
-            self._last_frame = arrival
-        return made
-
     def tend(self, now: float) -> Sequence[Admitted]:
         """Close frames that wait for too long, and send the sender its messages when they are due."""
-        asking = self.preset.asking
-        if asking and is_due(asking, now, self._asked, self._last_frame):
+        asking, is_silent = self.preset.asking, now - self._made > SILENCE
+        if asking and now - self._asked >= asking.every and (is_silent or not asking.while_silent):
             self._asked = now
             self._send(asking.messages)
         return super().tend(now)
@@ -417,19 +382,6 @@ class FeedSource(Source):
         if self.preset.asking:
             self._send(self.preset.asking.farewell)
         super().close()
-
-
-def is_due(asking: Asking, now: float, asked: float, last_frame: float) -> bool:
-    """Say whether messages to the sender are due.
-
-    Parameters
-    ----------
-    asking
-        The messages for the sender, and how often they are due.
-    now, asked, last_frame
-        Seconds on one clock: now, when messages were last sent, and when the last frame came; -inf for never.
-    """
-    return now - asked >= asking.every and not (asking.while_silent and now - last_frame <= SILENCE)
 
 
 def packets_for_sender(preset: Preset, messages: Sequence[AskedMessage], port: int) -> list[bytes]:

@@ -13,8 +13,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.stream.feeds import Preset
-from kinespace.stream.feeds.preset import builtin_preset, parse_preset
+from kinespace.stream.feeds import Preset, builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder, ZmqDecoder
@@ -98,10 +97,6 @@ class Seen:
     sizes: Counter[int] = field(default_factory=Counter)
     clock: SenderClock = field(default_factory=SenderClock)
 
-    def times(self) -> SenderClock:
-        """Give a reader that converts the times from the recording's beginning on, now that their unit is known."""
-        return SenderClock(self.clock.verdict)
-
     def skeleton(self) -> Skeleton:
         """Name the joints as announced; else as HDM05's when there are as many; else by number."""
         if self.joints:
@@ -110,11 +105,6 @@ class Seen:
         if size == len(hdm05.SKELETON.joints):
             return hdm05.SKELETON
         return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
-
-
-def events_of(recording: RawFile, preset: Preset | None) -> Iterator[tuple[float, Frame | Announcement]]:
-    """Give frames and announcements of a recording, in order, each with its arrival in seconds."""
-    return iter(decoded(recording.header, recording.packets(), preset))
 
 
 def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
@@ -141,12 +131,13 @@ def ordered_frames(
     The performer, the frame's arrival and its time, both in seconds, and positions (joints, 3), metres.
     """
     skeletons = {name: each.skeleton() for name, each in seen.items()}
-    clocks = {name: each.times() for name, each in seen.items()}
+    # Their unit is known now: times are converted from the recording's beginning on.
+    clocks = {name: SenderClock(each.clock.verdict) for name, each in seen.items()}
     #: The number of joints that a performer's frames have now, and their order; None where some are missing.
     orders: dict[str, tuple[int, NDArray[np.intp] | None]] = {}
     for name, each in skeletons.items():
         orders[name] = len(each.joints), np.arange(len(each.joints))
-    for arrival, event in events_of(recording, preset):
+    for arrival, event in decoded(recording.header, recording.packets(), preset):
         name = event.performer
         if name not in seen:
             continue
@@ -181,7 +172,8 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
         The file cannot be opened.
     """
     recording = RawFile(path)
-    seen = {name: each for name, each in seen_in(events_of(recording, preset)).items() if each.frames > 1}
+    every = seen_in(decoded(recording.header, recording.packets(), preset))
+    seen = {name: each for name, each in every.items() if each.frames > 1}
     kept = _frames(recording, preset, seen)
     clips = [
         replace(

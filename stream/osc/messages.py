@@ -221,7 +221,6 @@ def encode_announcement(announcement: Announcement) -> bytes:
 MAX_ANSWER = 1200
 _CLASS = struct.Struct(">iff")
 _SIZE = struct.Struct(">i")
-_EVENT = struct.Struct(">iff")
 _PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.
@@ -301,10 +300,9 @@ def encode_event(event: Event, since: float = 0.0) -> bytes:
         The moment from which the time is counted, seconds, on the clock of the frames. A float holds some hours to the
         millisecond, but no clock that began in 1970.
     """
-    address = f"/motion/{address_part(event.performer)}/event"
     elapsed = min(max(event.time - since, -_MAX_FLOAT), _MAX_FLOAT)
-    numbers = _EVENT.pack(event.index, event.score, elapsed)
-    return b"".join([padded(address), b",ssiff\0\0", padded(event.kind), padded(event.label), numbers])
+    place = f"/motion/{address_part(event.performer)}/event"
+    return encode_message(place, str(event.kind), event.label, event.index, float(event.score), float(elapsed))
 
 
 def encode_done(done: Done, since: float = 0.0) -> bytes:

@@ -81,6 +81,8 @@ class OscReceiver:
 
     Attributes
     ----------
+    address, place
+        Host and port it listens on; and as recordings name them: `osc`, a space, host and port.
     strangers
         Datagrams from other networks; they are received as empty datagrams.
     kernel_drops
@@ -112,25 +114,14 @@ class OscReceiver:
         except OSError as error:
             self.socket.close()
             raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
+        self.address: tuple[str, int] = self.socket.getsockname()[:2]
+        self.place = "osc {}:{}".format(*self.address)
         self.kernel_drops = 0
         self.waited = 0.0
         self.sender: tuple[str, int] | None = None
 
     def __str__(self) -> str:
-        host, port = self.address
-        return f"OSC {host}:{port}"
-
-    @property
-    def place(self) -> str:
-        """The address as recordings name it: `osc`, a blank, host and port."""
-        host, port = self.address
-        return f"osc {host}:{port}"
-
-    @property
-    def address(self) -> tuple[str, int]:
-        """Host and port it listens on."""
-        host, port = self.socket.getsockname()[:2]
-        return host, port
+        return "OSC {}:{}".format(*self.address)
 
     def broken(self) -> int:
         """Give 0: UDP has no connections."""
@@ -215,8 +206,7 @@ class OscSender:
                 raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
 
     def __str__(self) -> str:
-        host, port = self.target[:2]
-        return f"{host}:{port}"
+        return "{}:{}".format(*self.target)
 
     def send(self, datagram: bytes) -> None:
         """Send one datagram; a failure is counted, never raised: the next one may succeed."""

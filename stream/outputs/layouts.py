@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
 from pythonosc.osc_message_builder import BuildError
@@ -32,12 +32,11 @@ from kinespace.stream.osc import OscReceiver, OscSender, address_part
 from kinespace.stream.osc import messages as answers
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import GONE, Classes, Done, Event, EventKind, Gone, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice, State, Taught
-from kinespace.stream.teaching.commands import encode as encode_notice
+from kinespace.stream.teaching import commands
 
-_Last = TypeVar("_Last", int, float)
 #: The largest whole number of a VRChat parameter.
 _MAX_PARAMETER = 255
 #: Phase, speed and amplitude of a performer in no motion, where Wekinator's programs expect numbers.
@@ -47,7 +46,7 @@ _MAX_PERFORMERS = 256
 
 
 class Layout:
-    """The messages for one kind of program. A method that a layout does not override gives None: nothing is sent."""
+    """The messages for one kind of program; nothing is sent of a message for whose class it has no method."""
 
     #: The layout's name on the command line.
     name: str
@@ -57,45 +56,9 @@ class Layout:
     notes: Sequence[str] = ()
 
     def encode(self, message: Message) -> bytes | None:
-        """Encode whatever a service has to say."""
-        packet = None
-        match message:
-            case Recognition():
-                packet = self.recognition(message)
-            case Event():
-                packet = self.event(message)
-            case Done():
-                packet = self.done(message)
-            case Gone(performer):
-                packet = self.gone(performer)
-            case Classes(names):
-                packet = self.classes(names)
-            case Status():
-                packet = self.status(message)
-            case State() | Taught():
-                packet = self.notice(message)
-        return packet
-
-    def recognition(self, recognition: Recognition) -> bytes | None:
-        """Encode one recognition."""
-
-    def event(self, event: Event) -> bytes | None:
-        """Encode that a motion started or ended."""
-
-    def done(self, done: Done) -> bytes | None:
-        """Encode that a motion was done."""
-
-    def gone(self, performer: str) -> bytes | None:
-        """Encode that a performer has left."""
-
-    def classes(self, classes: Sequence[str]) -> bytes | None:
-        """Encode the list of classes."""
-
-    def status(self, status: Status) -> bytes | None:
-        """Encode the service's counters."""
-
-    def notice(self, notice: Notice) -> bytes | None:
-        """Encode a notice of teaching."""
+        """Encode whatever a service has to say, by the method that has the name of its class, like `event`."""
+        encode = getattr(self, type(message).__name__.lower(), None)
+        return encode(message) if encode else None
 
 
 class NativeLayout(Layout):
@@ -113,7 +76,7 @@ class NativeLayout(Layout):
         """Class, guess, label and scores in one bundle."""
         # After a sender's clock has begun again, its times count from its new beginning: none is below 0.
         if recognition.time < self._since.get(recognition.performer, math.inf):
-            _remember(self._since, recognition.performer, recognition.time)
+            remember(self._since, recognition.performer, recognition.time, _MAX_PERFORMERS)
         return answers.encode_recognition(recognition)
 
     def event(self, event: Event) -> bytes | None:
@@ -124,32 +87,33 @@ class NativeLayout(Layout):
         """`/motion/<performer>/done s i i f f f f f`, the start in seconds since the performer's first answer."""
         return answers.encode_done(done, self._since.get(done.performer, done.start))
 
-    def gone(self, performer: str) -> bytes | None:
+    def gone(self, gone: Gone) -> bytes:
         """Class -1, guess -1 and label "gone"."""
-        self._since.pop(performer, None)
-        return answers.encode_gone(performer)
+        self._since.pop(gone.performer, None)
+        return answers.encode_gone(gone.performer)
 
-    def classes(self, classes: Sequence[str]) -> bytes | None:
+    def classes(self, classes: Classes) -> bytes:
         """`/motion/classes s*K`."""
-        return answers.encode_classes(classes)
+        return answers.encode_classes(classes.names)
 
     def status(self, status: Status) -> bytes | None:
         """`/motion/status i f i i`."""
         return answers.encode_status(status)
 
-    def notice(self, notice: Notice) -> bytes | None:
+    def state(self, notice: commands.Notice) -> bytes:
         """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i i f`."""
-        return encode_notice(notice)
+        return commands.encode(notice)
+
+    taught = state
 
 
-class TouchDesignerLayout(NativeLayout):
+class TouchDesignerLayout(Layout):
     """Numbers only, each performer's at addresses of its own: they become channels."""
 
     name = "touchdesigner"
     port = 10000
 
     def __init__(self) -> None:
-        super().__init__()
         self._last: dict[str, int] = {}
 
     def recognition(self, recognition: Recognition) -> bytes | None:
@@ -158,7 +122,7 @@ class TouchDesignerLayout(NativeLayout):
         The index is the named class's, -1 when no class is named; changed is 1 in the first message with another index.
         """
         changed = self._last.get(recognition.performer, -1) != recognition.class_index
-        _remember(self._last, recognition.performer, recognition.class_index)
+        remember(self._last, recognition.performer, recognition.class_index, _MAX_PERFORMERS)
         start = f"/motion/{answers.address_part(recognition.performer)}"
         named = encode_message(
             f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
@@ -177,18 +141,16 @@ class TouchDesignerLayout(NativeLayout):
         numbers = done.index, done.count, done.duration, done.score, done.speed, done.amplitude
         return encode_message(f"/motion/{answers.address_part(done.performer)}/done", *numbers)
 
-    def gone(self, performer: str) -> bytes | None:
+    def gone(self, gone: Gone) -> bytes:
         """Class -1, and -1 going on."""
-        changed = self._last.pop(performer, -1) != -1
-        start = f"/motion/{answers.address_part(performer)}"
+        changed = self._last.pop(gone.performer, -1) != -1
+        start = f"/motion/{answers.address_part(gone.performer)}"
         none = encode_message(f"{start}/class", -1, 0.0, 0.0, int(changed))
         return encode_bundle(none, encode_message(f"{start}/going", -1))
 
-    def classes(self, classes: Sequence[str]) -> bytes | None:
-        """Nothing: names are no numbers."""
-
-    def notice(self, notice: Notice) -> bytes | None:
-        """Nothing: a lesson's state is a word."""
+    def status(self, status: Status) -> bytes:
+        """`/motion/status i f i i`."""
+        return answers.encode_status(status)
 
 
 class WekinatorLayout(Layout):
@@ -237,9 +199,9 @@ class WekinatorLayout(Layout):
         """`/output_<class from 1>` when a motion starts, as Wekinator reports gestures."""
         return encode_message(f"/output_{event.index + 1}") if event.kind is EventKind.START else None
 
-    def gone(self, performer: str) -> bytes | None:
+    def gone(self, gone: Gone) -> bytes | None:
         """`/wek/outputs` with 0 in the performer's place; the others keep theirs."""
-        here = [name == performer for name, _, _ in self._places]
+        here = [name == gone.performer for name, _, _ in self._places]
         if not any(here):
             return None
         self._places[here.index(True)] = "", 0.0, _NOT_FOLLOWED
@@ -260,7 +222,7 @@ class VmcThruLayout(Layout):
         """`/VMC/Thru/motion/start s label i index`, or `end`."""
         return encode_message(f"/VMC/Thru/motion/{event.kind}", event.label, event.index)
 
-    def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - the message names no performer
+    def gone(self, _: Gone) -> bytes:
         """Label "gone" and index -1."""
         return encode_message("/VMC/Thru/motion/class", GONE, -1)
 
@@ -275,7 +237,7 @@ class VrchatLayout(Layout):
         """`/avatar/parameters/Motion i` counted from 1, 0 for none, and `/avatar/parameters/MotionScore f`."""
         return _parameters(min(recognition.class_index + 1, _MAX_PARAMETER), recognition.score)
 
-    def gone(self, performer: str) -> bytes | None:  # noqa: ARG002 - an avatar has one performer
+    def gone(self, _: Gone) -> bytes:
         """No motion, and no score."""
         return _parameters(0, 0.0)
 
@@ -292,13 +254,6 @@ LAYOUTS: dict[str, Callable[[], Layout]] = {
     **{each.name: each for each in (NativeLayout, TouchDesignerLayout, WekinatorLayout, VmcThruLayout, VrchatLayout)},
     **{name: partial(NativeLayout, name, port) for name, port in _NATIVE.items()},
 }
-
-
-def _remember(known: dict[str, _Last], performer: str, last: _Last) -> None:
-    """Remember a performer's last class; only a sender that invents names fills the memory, and empties it."""
-    if len(known) >= _MAX_PERFORMERS:
-        known.clear()
-    known[performer] = last
 
 
 class LayoutSink(Sink):
@@ -367,7 +322,7 @@ class ReplySink(LayoutSink):
 
     def send(self, message: Message) -> None:
         """Send a message, but none to a sender that has gone, or that need not teach."""
-        if not isinstance(message, Gone | Notice):
+        if not isinstance(message, Gone | commands.Notice):
             super().send(message)
 
     def _send(self, packet: bytes | None, performer: str | None = None) -> None:
@@ -465,32 +420,28 @@ class WrittenLayout(Layout):
         """Encode the messages of an answer."""
         progress = recognition.progress
         followed = (progress.phase, progress.speed, progress.amplitude) if progress else (0.0, 0.0, 0.0)
-        index = recognition.class_index
-        named = _class_facts(recognition.performer, recognition.label, index, recognition.score)
+        named = _class_facts(recognition.performer, recognition.label, recognition.class_index, recognition.score)
         further = dict(zip(("margin", "phase", "speed", "amplitude"), (recognition.margin, *followed), strict=True))
         return self._encoded("answer", {**named, **further})
 
-    def event(self, event: Event) -> bytes | None:
-        """Encode the messages of a start or an end."""
+    def event(self, event: Event | Done) -> bytes | None:
+        """Encode the messages of a start, an end, or a motion that was done."""
+        when: When = "done" if isinstance(event, Done) else event.kind.value
         named = _class_facts(event.performer, event.label, event.index, event.score)
-        return self._encoded(event.kind.value, named)
+        return self._encoded(when, {each: getattr(event, each) for each in FACTS[when] if each not in named} | named)
 
-    def done(self, done: Done) -> bytes | None:
-        """Encode the messages of a motion that was done."""
-        named = _class_facts(done.performer, done.label, done.index, done.score)
-        further = {each: getattr(done, each) for each in ("count", "duration", "speed", "amplitude")}
-        return self._encoded("done", {**named, **further})
+    done = event
 
-    def classes(self, classes: Sequence[str]) -> None:
+    def classes(self, classes: Classes) -> None:
         """Send nothing; note the titles that a message asks for in place of classes."""
-        asked = {each.of_class for each in self._messages} - {*classes}
-        meant = {title: [each for each in classes if title_of(each) == title] for title in sorted(asked)}
+        asked = {each.of_class for each in self._messages} - {*classes.names}
+        meant = {title: [each for each in classes.names if title_of(each) == title] for title in sorted(asked)}
         note = "{}: no class is called {!r}, which is a title: {} is meant".format
         self.notes = [note(self.name, title, " or ".join(names)) for title, names in meant.items() if names]
 
-    def gone(self, performer: str) -> bytes | None:
+    def gone(self, gone: Gone) -> bytes | None:
         """Encode the messages of a performer who has left."""
-        return self._encoded("gone", {"performer": performer})
+        return self._encoded("gone", {"performer": gone.performer})
 
     def _encoded(self, when: When, facts: Facts) -> bytes | None:
         fitting = "", facts.get("class", "")

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from kinespace.stream.outputs.sink import Sink, extra
-from kinespace.stream.recognition import Done, Event, Recognition
+from kinespace.stream.recognition import Done, Event, Gone, Recognition
 
 #: The name among the layouts of `--out`.
 LSL = "lsl"
@@ -58,7 +58,7 @@ class LslSink(Sink):
     def __str__(self) -> str:
         return "LSL"
 
-    def publish(self, recognition: Recognition) -> None:
+    def publish_recognition(self, recognition: Recognition) -> None:
         """Give a performer's scores, progress and class."""
         name, progress = recognition.performer, recognition.progress
         classes, stream = self._streams.get(name, ((), None))
@@ -72,7 +72,7 @@ class LslSink(Sink):
     def _opened(self, name: str, classes: Sequence[str]) -> Any:  # noqa: ANN401 - pylsl's class, which is an extra's
         """Open the stream of a performer, or open it again for other classes."""
         if name not in self._streams and len(self._streams) >= _MAX_STREAMS:
-            self.publish_gone(next(iter(self._streams)))
+            self.publish_gone(Gone(next(iter(self._streams))))
         title, labels = SCORES.format(name), [*classes, *FURTHER]
         info = self._lsl.StreamInfo(title, "Scores", len(labels), self._lsl.IRREGULAR_RATE, "float32", title)
         info.set_channel_labels(labels)
@@ -90,10 +90,10 @@ class LslSink(Sink):
         """Give a marker at the end of the motion that was done."""
         self._mark(f"done {done.label} {done.performer}", done.performer, done.start + done.duration)
 
-    def publish_gone(self, performer: str) -> None:
+    def publish_gone(self, gone: Gone) -> None:
         """Close the performer's stream."""
-        self._streams.pop(performer, None)
-        self._newest.pop(performer, None)
+        self._streams.pop(gone.performer, None)
+        self._newest.pop(gone.performer, None)
 
     def _mark(self, text: str, performer: str, time: float) -> None:
         before = max(self._newest.get(performer, time) - time, 0.0)

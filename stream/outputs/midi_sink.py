@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from kinespace.stream.outputs.sink import Sink, extra
-from kinespace.stream.recognition import Done, Event, EventKind, Recognition
+from kinespace.stream.recognition import Done, Event, EventKind, Gone, Recognition
 from kinespace.stream.status import Status
 
 #: The name among the layouts of `--out`.
@@ -73,7 +73,7 @@ class MidiSink(Sink):
     def __str__(self) -> str:
         return f"MIDI {self._name}"
 
-    def publish(self, recognition: Recognition) -> None:
+    def publish_recognition(self, recognition: Recognition) -> None:
         """Send the controllers that have changed."""
         if self._file:
             # A file would grow by thirty numbers a second: it holds the notes.
@@ -102,9 +102,9 @@ class MidiSink(Sink):
         velocity = min(max(round(score * _MOST), 1), _MOST)
         self._send(kind, channel=self._channel(performer), note=min(note, _MOST), velocity=velocity)
 
-    def publish_gone(self, performer: str) -> None:
+    def publish_gone(self, gone: Gone) -> None:
         """Give the performer's channel to the next newcomer."""
-        self._channels.pop(performer, None)
+        self._channels.pop(gone.performer, None)
 
     def _channel(self, performer: str) -> int:
         if performer not in self._channels:

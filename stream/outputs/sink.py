@@ -1,4 +1,4 @@
-"""A sink: the service passes it answers, frames and state. Each kind of sink overrides the methods it uses."""
+"""A sink: the service passes it answers, frames and state. Each kind of sink has methods for the messages it uses."""
 
 from collections.abc import Sequence
 from importlib import import_module
@@ -7,14 +7,17 @@ from types import ModuleType
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Classes, Done, Event, Gone, Recognition
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice, State, Taught
+from kinespace.stream.teaching.commands import Notice
 
 #: Whatever a service has to say.
 Message = Recognition | Event | Done | Gone | Classes | Frame | Status | Notice
 
 
 class Sink:
-    """Takes everything and passes nothing on. No method of a sink may raise or wait."""
+    """Takes everything and passes nothing on. No method of a sink may raise or wait.
+
+    A sink that has `publish_frame` gets every frame that the recognisers have got.
+    """
 
     #: Answers that could not be sent; calls that raised in spite of all, and what the last one raised.
     failed = raised = 0
@@ -23,48 +26,9 @@ class Sink:
     notes: Sequence[str] = ()
 
     def send(self, message: Message) -> None:
-        """Pass on a message; a sink overrides this, or the methods below of those messages that it has use for."""
-        match message:
-            case Recognition():
-                self.publish(message)
-            case Event():
-                self.publish_event(message)
-            case Done():
-                self.publish_done(message)
-            case Gone(performer):
-                self.publish_gone(performer)
-            case Classes(names):
-                self.publish_classes(names)
-            case Frame():
-                self.publish_frame(message)
-            case Status():
-                self.publish_status(message)
-            case State() | Taught():
-                self.publish_notice(message)
-
-    def publish(self, recognition: Recognition) -> None:
-        """Pass on one recognition."""
-
-    def publish_event(self, event: Event) -> None:
-        """Pass on that a motion started or ended."""
-
-    def publish_done(self, done: Done) -> None:
-        """Pass on that a motion was done."""
-
-    def publish_gone(self, performer: str) -> None:
-        """Pass on that a performer has left: nothing more is answered."""
-
-    def publish_frame(self, frame: Frame) -> None:
-        """Pass on a frame that the recognisers have got; the service sends them to sinks that override this."""
-
-    def publish_classes(self, classes: Sequence[str]) -> None:
-        """Pass on the list of classes."""
-
-    def publish_status(self, status: Status) -> None:
-        """Pass on the service's counters."""
-
-    def publish_notice(self, notice: Notice) -> None:
-        """Pass on a notice of teaching."""
+        """Pass on a message: by the method that has its class's name, like `publish_event`, if there is one."""
+        if publish := getattr(self, f"publish_{type(message).__name__.lower()}", None):
+            publish(message)
 
     def close(self) -> None:
         """Give sockets back."""

@@ -5,9 +5,10 @@ from collections.abc import Callable
 from kinespace.library import Skeleton
 from kinespace.stream.frame import Frame
 from kinespace.stream.outputs.sink import Message, Sink
+from kinespace.stream.packet import remember
+from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.zeromq import ZmqSender, messages
-from kinespace.stream.zeromq.messages import encode_body
 
 #: Seconds between two bodies of a performer.
 EVERY = 1 / 30
@@ -82,15 +83,13 @@ class BodySink(Sink):
         last, before = self._sent.get(name, (frame.time - EVERY, -1))
         if 0 <= frame.time - last < EVERY * (1 - _EARLY):
             return
-        if before < 0 and len(self._sent) >= _MAX_PERFORMERS:
-            self._sent.clear()
         count = before + 1
-        self._sent[name] = frame.time, count
+        remember(self._sent, name, (frame.time, count), _MAX_PERFORMERS)
         carried = self._carried(name) if count % _CARRIED_EVERY == 0 else None
         # One behind the first: at the first frame the performer is not known yet.
         skeleton = self._skeleton_of(name) if count % _SKELETON_EVERY == 1 else None
-        self._sender.send(encode_body(frame, skeleton, carried))
+        self._sender.send(messages.encode_body(frame, skeleton, carried))
 
-    def publish_gone(self, performer: str) -> None:
+    def publish_gone(self, gone: Gone) -> None:
         """Forget a performer who has left."""
-        self._sent.pop(performer, None)
+        self._sent.pop(gone.performer, None)

@@ -9,15 +9,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, WindowIndex, distance_rows, opened
 from kinespace.library.naming import hdm05
 from kinespace.library.signature.parts import Signature
-from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparer import agreed
 from kinespace.library.windows.cutting import window_ends
-from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Frame
 from kinespace.stream.recognition import Recognition
@@ -208,7 +204,7 @@ def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timin
     groups = zip(weighing.views[0], asked, comparer.windows, comparer.lengths, strict=True)
     for weight, own, windows, lengths in groups:
         squared = np.square(own).sum(axis=1)[:, None] + lengths - 2 * own @ windows
-        logs += weight * np.log(np.maximum(squared[:, : len(index)], weighing.nearest))
+        logs += weight * np.log(np.maximum(squared, weighing.nearest))
     found = agreed(logs, comparer.starts, comparer.persons)
     return found + comparer.head.added(placed.values()) if comparer.head else found
 

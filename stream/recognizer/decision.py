@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.motion_library import NOTHING
-from kinespace.library.windows.index import WindowIndex
+from kinespace.library import NOTHING, WindowIndex
 from kinespace.library.windows.rejection import Evidence, Rejection
 from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows

@@ -80,6 +80,13 @@ class Look(NamedTuple):
     done: Found | None = None
     seen: Seen | None = None
 
+    def behind(self, before: "Look | None") -> "Look":
+        """Add what the look before it saw and no answer has said: a motion that was done, or begins."""
+        if before is None:
+            return self
+        begins = before.seen and before.seen.begins and not (self.seen and self.seen.begins)
+        return Look(self.done or before.done, before.seen if begins else self.seen)
+
 
 class _Streak:
     """Counts the looks in a row that see the same class."""

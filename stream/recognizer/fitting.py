@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.landmark_body import are_of_landmarks
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import is_flat, logs_of
 
 #: Joints guessed from one camera's pictures, or measured by a suit, markers or a depth sensor.
@@ -30,6 +30,7 @@ def kind_of(joints: Sequence[str], positions: NDArray[np.floating]) -> FeedKind:
     return "guessed" if 2 * np.count_nonzero(are_of_landmarks(joints, positions)) > len(positions) else "measured"
 
 
+@lru_cache(maxsize=4)
 def kinds_of(library: MotionLibrary) -> frozenset[FeedKind]:
     """Give the kinds of feed that taught a library's motions."""
     bodies = [each.positions[int(each.frames * look)] for each in library.motions for look in _IN_MOTIONS]

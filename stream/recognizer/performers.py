@@ -3,17 +3,16 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.library import Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
-from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.segments import FLAT
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.carried import Carried, carried_by
 from kinespace.stream.recognizer.fitting import NOTES
@@ -45,7 +44,6 @@ class SentJoints:
     naming: Naming = field(default_factory=Naming)
 
 
-_Value = TypeVar("_Value")
 #: The note on a body unlike the library's.
 UNLIKE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
@@ -107,13 +105,6 @@ class _Performer:
         return self.recognizer.end()
 
 
-def remember(known: dict[str, _Value], name: str, value: _Value, most: int) -> None:
-    """Remember a value by a performer's name; of too many for `most` performers the oldest is forgotten."""
-    if name not in known and len(known) >= MAX_REMEMBERED * most:
-        del known[next(iter(known))]
-    known[name] = value
-
-
 class Newcomers:
     """Performers for whom there is no room.
 
@@ -133,7 +124,7 @@ class Newcomers:
         since, frames = self._waiting.get(name, (now, 0))
         if now - since > _STEADY_SECONDS:
             since, frames = now, 0
-        remember(self._waiting, name, (since, frames + 1), self._most)
+        remember(self._waiting, name, (since, frames + 1), MAX_REMEMBERED * self._most)
         return frames + 1 >= _STEADY_FRAMES
 
     def forget(self, name: str) -> None:
@@ -422,7 +413,7 @@ class Performers:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
             return
-        remember(self._announced, announcement.performer, announcement, self.most)
+        remember(self._announced, announcement.performer, announcement, MAX_REMEMBERED * self.most)
         self._learn_joints(performer, announcement)
 
     def _learn_joints(self, performer: _Performer, announcement: Announcement) -> None:
@@ -569,7 +560,7 @@ class Performers:
                 why += f"; {unknown}"
         else:
             why = f"{size} joints, but {named} names were sent"
-        remember(self._refused, name, why, self.most)
+        remember(self._refused, name, why, MAX_REMEMBERED * self.most)
 
     def _retire(self, performer: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""

@@ -6,8 +6,6 @@ windows show and how near the library's are (`live_windows`), what that means (`
 (`progress`), and whether a motion was really done (`done`).
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -18,10 +16,8 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.distances import distance_rows
-from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.body import Body
-from kinespace.library.windows.index import WindowIndex
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
@@ -72,7 +68,7 @@ class RecognizerCounts:
     #: Windows not answered, because frames had waited for too long and newer ones had come.
     skipped: int = 0
 
-    def add(self, counts: RecognizerCounts, times: int = 1) -> None:
+    def add(self, counts: "RecognizerCounts", times: int = 1) -> None:
         """Add other counts, or take them off with -1 times."""
         for each in fields(self):
             setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
@@ -392,8 +388,8 @@ class Recognizer:
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:
             self._leave_out(self._joints.left_out, self._times[-1])
-        if self._done and times:
-            self._look = self._done.push(times, self._positions[begun or 0 : len(self._times)]) or self._look
+        if self._done and times and (look := self._done.push(times, self._positions[begun or 0 : len(self._times)])):
+            self._look = look.behind(self._look)
         self._smoother.smooth(times, rows)
         self._windows.push(times, rows)
         if self._fewer:

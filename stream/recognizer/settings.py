@@ -6,9 +6,8 @@ from enum import StrEnum
 from numbers import Real
 from typing import Literal
 
-from kinespace.library.motion_library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.windows.comparison import by_paper
-from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.stream.recognizer.fitting import kinds_of
 
 #: Share of unknown time that may be named where strangers' motions taught the library unknown motion.

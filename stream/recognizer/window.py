@@ -7,8 +7,6 @@ bound of the rounding grows with every row; when it is no longer small against t
 computed afresh.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Sequence
 
@@ -160,7 +158,7 @@ class Window:
         self._near[seconds] = vectors
         return values, vectors, scaled, trace
 
-    def _followed(self, sums: _Sums) -> _Sums:
+    def _followed(self, sums: "_Sums") -> "_Sums":
         sums.follow(self._times, self._points if sums.second.ndim == 2 else self._rows, self._end)
         return sums
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
 from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
+from kinespace.stream.packet import remember
 
 #: Seconds after which a new process is given up.
 _MAX_START = 30.0
@@ -141,6 +142,4 @@ class BackgroundViews:
         try:
             index.by_joints(joints)
         except (ValueError, MemoryError) as error:
-            while len(self._refused) >= MAX_VIEWS:
-                del self._refused[next(iter(self._refused))]
-            self._refused[index, joints] = str(error) or type(error).__name__
+            remember(self._refused, (index, joints), str(error) or type(error).__name__, MAX_VIEWS)

@@ -27,10 +27,11 @@ from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Decision
-from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts, remember
+from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
 from kinespace.stream.service.background import signals_held
@@ -168,6 +169,11 @@ class _Worker:
     reports: int = 0
 
 
+def _told(what: str) -> property:
+    """Make a property of a gateway of what its workers report by performer."""
+    return property(lambda self: {name: why for each in self._reports for name, why in getattr(each, what).items()})
+
+
 class Gateway:
     """Takes the place of `Performers`.
 
@@ -205,7 +211,6 @@ class Gateway:
         self.terms = terms
         self._know(library, terms.classes)
         self.most, self.silence = terms.most, terms.silence
-        self.source = GatewaySource(self)
         self.publish: Callable[[Recognition, float], None] = lambda *_: None
         self.outdated = self.unsent = 0
         self._tracks: dict[str, Track] = {}
@@ -226,6 +231,7 @@ class Gateway:
             context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
             opened.callback(context.destroy, linger=0)
             self.socket = context.socket(zmq.ROUTER)
+            self.source = GatewaySource(self)
             self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
             self.socket.bind("tcp://127.0.0.1:*" if sys.platform == "win32" else f"ipc://{folder}/gateway")
             self._place = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
@@ -287,24 +293,8 @@ class Gateway:
         counts.no_room, counts.dropped = self._no_room, self._dropped
         return counts
 
-    @property
-    def refused(self) -> dict[str, str]:
-        """Performers whose frames are refused for their joints, with the reason."""
-        return self._told("refused")
-
-    @property
-    def doubted(self) -> dict[str, str]:
-        """Performers with joints that cannot be believed, and the reason."""
-        return self._told("doubted")
-
-    @property
-    def compared(self) -> dict[str, str]:
-        """The joints by which performers are compared, if these are not all."""
-        return self._told("compared")
-
-    def _told(self, what: str) -> dict[str, str]:
-        """Give what workers tell of performers."""
-        return {name: text for each in self._reports for name, text in getattr(each, what).items()}
+    #: What workers tell of performers: why frames are refused, and joints doubted, and by which they are compared.
+    refused, doubted, compared = (_told(what) for what in ("refused", "doubted", "compared"))
 
     def carried(self, name: str) -> None:
         """Give nothing: no worker tells which joints carry an answer, because nearly nobody asks."""
@@ -368,7 +358,7 @@ class Gateway:
             if isinstance(event, Frame):
                 self._route(event, arrival, for_worker)
             elif isinstance(event, Announcement):
-                remember(self._announced, event.performer, event.joints, self.most)
+                remember(self._announced, event.performer, event.joints, MAX_REMEMBERED * self.most)
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
@@ -548,9 +538,8 @@ class Gateway:
     def settle(self) -> None:
         """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
         before, until = {name: each.reports for name, each in self._workers.items()}, time.monotonic() + 1.0
-        while any(each.reports == before.get(name) for name, each in self._workers.items()):
-            if time.monotonic() > until:
-                return
+        every = self._workers.items()
+        while time.monotonic() < until and any(each.reports == before.get(name) for name, each in every):
             time.sleep(0.005)
             self.read()
 
@@ -575,12 +564,7 @@ class GatewaySource:
     has_put_aside = False
 
     def __init__(self, gateway: Gateway) -> None:
-        self.gateway = gateway
-
-    @property
-    def pollable(self) -> object:
-        """The socket."""
-        return self.gateway.socket
+        self.gateway, self.pollable = gateway, gateway.socket
 
     @property
     def counts(self) -> InputCounts:

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import zmq
@@ -17,9 +17,9 @@ from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.inputs.source import APART, TENDING, Source
 from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
-from kinespace.stream.recognition import Classes, Done, Event, EventKind, Gone, Outcome, Recognition
+from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.status import HopTimes, InputCounts, Rates, Status
+from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands
 
 if TYPE_CHECKING:
@@ -109,6 +109,8 @@ def _apart(before: Taken, after: Taken) -> float:
     return abs(last.time - first.time) if isinstance(first, Frame) and isinstance(last, Frame) else math.inf
 
 
+#: Hops whose time is remembered for the percentiles: a minute or more of one performer's hops.
+_MAX_HOPS = 2048
 #: Seconds between two statuses, and between two lists of classes.
 STATUS_EVERY = 1.0
 CLASSES_EVERY = 5.0
@@ -143,13 +145,9 @@ Recognising: TypeAlias = "Performers | Gateway"
 class Commanded(Protocol):
     """Carries out the commands that come in; a sink of the service, too, if it needs frames."""
 
-    @property
-    def answers(self) -> bool:
-        """Whether performers are answered now."""
-
-    @property
-    def classes(self) -> Sequence[str]:
-        """The classes that are answered."""
+    #: Whether performers are answered now, and the classes that are answered.
+    answers: bool
+    classes: Sequence[str]
 
     @property
     def muted(self) -> str:
@@ -170,7 +168,7 @@ class Service:
     performers
         The recognisers.
     sources, sinks
-        Where frames come from, and where answers go; closed by `close`, or on leaving the `with` block.
+        Where frames come from, and where answers go; who has opened them closes them.
     admission
         The admission of the sources, for the status.
     control
@@ -195,9 +193,10 @@ class Service:
         self._clock = clock
         self._admission = admission or Admission()
         self._control = control
-        self._hop_times = HopTimes()
-        self._rates = Rates(clock())
-        self._latest_rates: dict[str, float] = {}
+        #: How long the last hops took, seconds.
+        self._hop_times = deque[float](maxlen=_MAX_HOPS)
+        #: Frames of each performer since the last status, when that was, and frames a second before it.
+        self._frames, self._counted_since, self._rates = Counter[str](), clock(), dict[str, float]()
         #: The share of the answers due that were given, and how many were given and left out before.
         self._answered, self._answered_before = 1.0, (0, 0)
         self._next_status = self._next_classes = self._next_refusal = clock()
@@ -223,20 +222,7 @@ class Service:
         #: Seconds within which work is due by the clock even when no packet comes; inf if there never is any.
         self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
-        self._watching = [sink for sink in sinks if type(sink).publish_frame is not Sink.publish_frame]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close all sockets."""
-        for source in self.sources:
-            source.close()
-        for sink in self.sinks:
-            sink.close()
+        self._watching = [sink for sink in sinks if hasattr(sink, "publish_frame")]
 
     def stop(self) -> None:
         """Make `run` return soon; from any thread or signal handler."""
@@ -272,7 +258,9 @@ class Service:
             left = _MAX_IN_TURN
             while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
-        self._answer_by_turns()
+        while self._overload.until == math.inf and self._turns > 0:
+            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
+        self._turns = float(_TURNS)
         self._looked = self._clock()
 
     def _deal_with_waiting(self, source: AnySource, most: int) -> int:
@@ -341,12 +329,6 @@ class Service:
         else:
             self._deal_with(taken)
 
-    def _answer_by_turns(self) -> None:
-        """Answer some of the performers who have waited for longest, each by its newest frame."""
-        while self._overload.until == math.inf and self._turns > 0:
-            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
-        self._turns = float(_TURNS)
-
     def _tend(self) -> None:
         for source in self._tended:
             started = time.perf_counter()
@@ -365,10 +347,12 @@ class Service:
             return 0
         events = [each.event for each in taken]
         answers = self.performers.push_all(events, self._clock(), newest_only=newest_only)
-        self._publish_all(answers, taken)
+        for answer, (_, started, waited) in zip(answers, taken, strict=True):
+            if answer is not None:
+                self.publish(answer, time.perf_counter() - started + waited)
         for event in events:
             if isinstance(event, Frame):
-                self._rates[event.performer] += 1
+                self._frames[event.performer] += 1
                 tell(self._watching, event)
         return len(events) - answers.count(None)
 
@@ -378,22 +362,17 @@ class Service:
             return recognition
         ends = tuple(each for each in recognition.events if each.kind is EventKind.END)
         outcome = Outcome.UNKNOWN if recognition.outcome is Outcome.NAMED else recognition.outcome
-        nothing = np.zeros(0)
-        answer = recognition.performer, recognition.time, outcome, (), nothing, recognition.movement
+        answer = recognition.performer, recognition.time, outcome, (), np.zeros(0), recognition.movement
         return Recognition(*answer, guess=-1, events=ends)
-
-    def _publish_all(self, answers: Sequence[Recognition | None], taken: Sequence[Taken]) -> None:
-        for recognition, (_, started, waited) in zip(answers, taken, strict=True):
-            if recognition is not None:
-                self.publish(recognition, time.perf_counter() - started + waited)
 
     def publish(self, recognition: Recognition, took: float) -> None:
         """Publish an answer, made here or elsewhere, and what happened; its frame came `took` seconds ago."""
         recognition = self._as_answered(recognition)
         tell(self.sinks, recognition)
         self._publish_events(recognition.events)
-        if recognition.done:
-            self._publish_done(recognition.done)
+        if done := recognition.done:
+            self._done[done.performer, done.index] += 1
+            tell(self.sinks, replace(done, count=self._done[done.performer, done.index]))
         self._hop_times.append(took)
 
     def _publish_events(self, events: Sequence[Event]) -> None:
@@ -404,12 +383,6 @@ class Service:
                 continue
             (self._begun.add if event.kind is EventKind.START else self._begun.discard)(motion)
             tell(self.sinks, event)
-
-    def _publish_done(self, done: Done) -> None:
-        """Count a motion that was done, and publish it."""
-        self._done[done.performer, done.index] += 1
-        counted = replace(done, count=self._done[done.performer, done.index])
-        tell(self.sinks, counted)
 
     def _forget_counts(self, performer: str) -> None:
         """Count a performer's motions from 1 again, by the name or as it stands in addresses; for none everybody's."""
@@ -427,31 +400,34 @@ class Service:
         now = self._clock()
         if now >= self._next_classes:
             self._next_classes = now + CLASSES_EVERY
-            classes = self._control.classes if self._control else self.performers.classes
-            tell(self.sinks, Classes(tuple(classes)))
+            tell(self.sinks, Classes(tuple((self._control or self.performers).classes)))
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and nobody knows who is silent.
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
             self._publish_events([*paused, *self.performers.drop_silent(now)])
             self._publish_gone(self.performers.take_gone())
-            self._latest_rates = self._rates.read(now, self.performers.names)
+            elapsed = max(now - self._counted_since, 1e-9)
+            # Of performers alone: thousands of names may have been counted for which there was no room.
+            self._rates = {name: self._frames[name] / elapsed for name in self.performers.names}
+            self._frames.clear()
+            self._counted_since = now
             self._note_answered()
-            status = self.status()
-            tell(self.sinks, status)
+            tell(self.sinks, self.status())
 
     def status(self) -> Status:
         """Give the counters as they are now."""
         notes = [note for source in self.sources for note in source.notes]
         notes += [note for sink in self.sinks for note in (*sink.notes, sink.error) if note]
         promised, missed = self.performers.promise
+        p50, p99 = np.percentile(self._hop_times or (0.0,), (50, 99)).tolist()
         return Status(
             inputs=sum((source.counts for source in self.sources), start=InputCounts(stale=self._overload.stale)),
             outcomes=self.performers.counts,
             unsent=sum(sink.failed + sink.raised for sink in self.sinks),
-            performers={name: self._latest_rates.get(name, 0.0) for name in self.performers.names},
-            hop_p50=self._hop_times.percentile(50),
-            hop_p99=self._hop_times.percentile(99),
+            performers={name: self._rates.get(name, 0.0) for name in self.performers.names},
+            hop_p50=p50,
+            hop_p99=p99,
             refused={name: why + self._from(name) for name, why in self.performers.refused.items()},
             doubted=self.performers.doubted,
             compared=self.performers.compared,

@@ -4,8 +4,6 @@ Performers of another worker come with the frames of their last seconds, so that
 like those there. Messages are in msgpack.
 """
 
-from __future__ import annotations
-
 import gc
 import math
 import queue
@@ -58,7 +56,7 @@ class SentFrame(msgspec.Struct, array_like=True, gc=False):
     begins: bool = False
 
     @classmethod
-    def of(cls, frame: Frame) -> SentFrame:
+    def of(cls, frame: Frame) -> "SentFrame":
         """Make the message of a frame; positions keep their precision."""
         doubles = frame.positions.dtype.itemsize == _DOUBLES.itemsize
         positions = frame.positions.astype(_DOUBLES if doubles else _FLOATS, copy=False)
@@ -234,7 +232,7 @@ class Worker(Sink):
         while True:
             self._open.put(_opened(self._came.get()))
 
-    def publish(self, recognition: Recognition) -> None:
+    def publish_recognition(self, recognition: Recognition) -> None:
         """Keep an answer until no message waits, or until the next one is taken in."""
         self._answers.append(recognition)
 

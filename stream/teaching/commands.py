@@ -135,6 +135,8 @@ class Changed:
     number: int = 0
 
 
+#: What follows from a command, a frame or the time.
+Told = list[Notice | Changed]
 #: Characters of a class's name and of a performer's name, at most.
 MAX_NAME = 64
 MAX_REPETITIONS = 50
@@ -168,7 +170,7 @@ class _Command(msgspec.Struct, frozen=True):
             given = getattr(self, name)
             if name == "performer" and len(given) > MAX_NAME:
                 raise CommandError(f"performer: expected at most {MAX_NAME} characters, got {len(given)}")
-            if name == "class_name" and isinstance(self, Teach | Last | Hold):
+            if name == "to" or (name == "class_name" and isinstance(self, Teach | Last | Hold)):
                 _require_class(given)
             least, most = _BOUNDS.get(name, (0, 0))
             if name in _BOUNDS and not least <= given <= most:
@@ -247,9 +249,6 @@ class Rename(_Command, frozen=True):
 
     class_name: str
     to: str
-
-    def __post_init__(self) -> None:
-        _require_class(self.to)
 
 
 class Forget(_Command, frozen=True):

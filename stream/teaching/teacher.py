@@ -20,32 +20,14 @@ from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, Skeleton
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
+from kinespace.library.teaching import movement as moving
 from kinespace.library.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
-from kinespace.library.teaching.movement import (
-    ENDS_AFTER,
-    MIN_SECONDS,
-    STILLNESS,
-    Movement,
-    MovementMeter,
-    Stretch,
-    StretchFinder,
-    moved_at_all,
-    stillness_of,
-)
+from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Movement, MovementMeter, Stretch, StretchFinder
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
-from kinespace.stream.teaching.commands import (
-    UNDONE,
-    Changed,
-    Command,
-    Notice,
-    State,
-    Step,
-    Taught,
-    Tried,
-)
+from kinespace.stream.teaching.commands import UNDONE, Changed, Command, State, Step, Taught, Told, Tried
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
@@ -156,7 +138,7 @@ class Lesson:
     def _arm(self, time: float) -> None:
         self._armed = self._said = time
         self._most, self._came = -1.0, 0
-        still = stillness_of(self._standing, self._stillness)
+        still = moving.stillness_of(self._standing, self._stillness)
         if still < self._stillness:
             self._finder = StretchFinder(still)
 
@@ -192,7 +174,7 @@ class Lesson:
     def _recorded(self, found: Stretch, *, by_hand: bool) -> State | Recorded:
         begin = max(found.start, self._armed)
         kept = Stretch(begin, min(found.end, self._newest, begin + self._longest))
-        whole = Stretch(begin - BEFORE, min(kept.end + ENDS_AFTER, self._newest))
+        whole = Stretch(begin - BEFORE, min(kept.end + moving.ENDS_AFTER, self._newest))
         self._armed = math.nan
         self._finder.clear()
         self.step = Step.WAITING
@@ -325,8 +307,7 @@ class Memory:
 
     def between(self, begin: float, end: float) -> Clip | None:
         """Give the frames between two moments on the sender's clock; None for less than three frames."""
-        gathered = self.gathered(begin, end)
-        return gathered.clip() if gathered else None
+        return gathered.clip() if (gathered := self.gathered(begin, end)) else None
 
     def unbroken(self, span: Stretch, moment: float) -> Stretch:
         """Narrow a span to the part around a moment in which no frame is missing for long."""
@@ -427,11 +408,9 @@ class NamedMotions:
 
     def confirmed(self, performer: str, newest: float) -> NamedMotion | None:
         """Give a motion that was right and is over, or has gone on for as long as an example may last."""
-        for motion in self._motions.get(performer, ()):
-            is_over = motion.ended is not None or newest - motion.started >= commands.MAX_LAST
-            if motion.is_right and is_over:
-                return motion
-        return None
+        right = (each for each in self._motions.get(performer, ()) if each.is_right)
+        over = (each for each in right if each.ended is not None or newest - each.started >= commands.MAX_LAST)
+        return next(over, None)
 
     def forget(self, performer: str) -> None:
         """Forget a performer."""
@@ -489,7 +468,7 @@ class Teacher:
         #: The last tick, and the first one after we were stopped.
         self._ticked = self._woke = -math.inf
 
-    def push(self, frame: Frame, now: float) -> list[Notice | Changed]:
+    def push(self, frame: Frame, now: float) -> Told:
         """Take in a frame, positions in the order of the skeleton."""
         memory = self._memories.get(frame.performer)
         if memory is None:
@@ -501,7 +480,7 @@ class Teacher:
             return []
         return self._went(lesson, lesson.push(frame.time, movement))
 
-    def tick(self, now: float) -> list[Notice | Changed]:
+    def tick(self, now: float) -> Told:
         """Do the work that is due by the clock; call it some times a second."""
         if now - self._ticked > _STOPPED:
             self._woke = now
@@ -522,21 +501,17 @@ class Teacher:
         state = lesson.tick(now)
         return [state] if state else []
 
-    def command(  # noqa: C901, PLR0911, PLR0912 - a line each
-        self, command: Command, now: float
-    ) -> list[Notice | Changed]:
+    def command(self, command: Command, now: float) -> Told:  # noqa: C901, PLR0911, PLR0912 - a line each
         """Carry out a command about lessons and examples; a refusal is a notice, never an exception."""
         match command:
-            case commands.Teach() | commands.Last():
+            case commands.Hold(on=False) if not isinstance(self.lesson, HeldLesson):
+                return [_refused("", "nothing was held")]
+            case commands.Stop() | commands.Cancel() | commands.Hold(on=False):
+                return self._ended(cancelled=isinstance(command, commands.Cancel))
+            case commands.Teach() | commands.Last() | commands.Hold():
                 return self._begin(command, now)
-            case commands.Hold(_, _, on):
-                return self._begin(command, now) if on else self._released()
             case commands.Right(performer) | commands.Wrong(performer):
                 return self._judged(performer, now, is_right=isinstance(command, commands.Right))
-            case commands.Stop():
-                return self._stopped()
-            case commands.Cancel():
-                return self._cancelled()
             case commands.Undo():
                 return self._undo()
             case commands.Forget(""):
@@ -556,7 +531,7 @@ class Teacher:
             case _:
                 return []
 
-    def checked(self, number: int, check: Check | None, tried: Tried) -> list[Notice | Changed]:
+    def checked(self, number: int, check: Check | None, tried: Tried) -> Told:
         """Report the check of an example that was opened with the library, or was undone before.
 
         Where there is no example of `nothing` yet, the next lesson is offered.
@@ -570,7 +545,7 @@ class Teacher:
         offer = "" if NOTHING in self.roster.classes else f"; {OFFER}"
         return [taught, State(performer, Step.DONE, example.seconds, words + offer)]
 
-    def failed(self, number: int, reason: str) -> list[Notice | Changed]:
+    def failed(self, number: int, reason: str) -> Told:
         """Undo an example that cannot be compared."""
         performer, _ = self._shown.get(number, ("", None))
         kept = tuple(each for each in self.roster.examples if each.number != number)
@@ -586,7 +561,7 @@ class Teacher:
         same = [of for each, of in self._shown.items() if names.get(each) == names.get(number) and of[0] == performer]
         return gathered and gathered._replace(shown=[span for _, span in same])
 
-    def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> list[Notice | Changed]:
+    def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> Told:
         performer = self._present(asked.performer, now)
         if performer is None:
             return [_refused(asked.performer, "no such performer is there")]
@@ -601,14 +576,14 @@ class Teacher:
         self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
-    def _take(self, performer: str, class_name: str, whole: Stretch, *, trims: bool = True) -> list[Notice | Changed]:
+    def _take(self, performer: str, class_name: str, whole: Stretch, *, trims: bool = True) -> Told:
         """Take the movement in a remembered span as an example, or without trimming all of the span."""
         clip = self._memories[performer].between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{whole.duration:g} s have not been seen")]
         return self._add(performer, class_name, clip, whole, None if trims else Stretch(0.0, clip.duration))
 
-    def _judged(self, asked: str, now: float, *, is_right: bool) -> list[Notice | Changed]:
+    def _judged(self, asked: str, now: float, *, is_right: bool) -> Told:
         """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
         performer = self.named.last(asked, self._there(now))
         motion = self.named.meant(performer, self._memories[performer].newest) if performer else None
@@ -621,7 +596,7 @@ class Teacher:
             return [State(performer, Step.CHECKING, 0.0, f"{motion.class_name}: taken when it ends")]
         return self._take_judged(performer, motion)
 
-    def _take_judged(self, performer: str, motion: NamedMotion) -> list[Notice | Changed]:
+    def _take_judged(self, performer: str, motion: NamedMotion) -> Told:
         """Take a motion that was judged as an example of its class, or with what surrounds it of `nothing`."""
         memory, number = self._memories[performer], self._number
         if motion.is_right:
@@ -632,7 +607,7 @@ class Teacher:
         motion.is_right, motion.number = False, number if self._number > number else 0
         return notices
 
-    def _went(self, lesson: Lesson | HeldLesson, step: State | Recorded | None) -> list[Notice | Changed]:
+    def _went(self, lesson: Lesson | HeldLesson, step: State | Recorded | None) -> Told:
         """Give the notices of a lesson's step."""
         if step is None:
             return []
@@ -651,55 +626,43 @@ class Teacher:
         notices = self._add(lesson.performer, lesson.class_name, clip, step.whole, kept)
         return notices if self.lesson is None else [*notices, State(lesson.performer, Step.WAITING)]
 
-    def _add(
-        self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch | None = None
-    ) -> list[Notice | Changed]:
+    def _add(self, performer: str, class_name: str, clip: Clip, whole: Stretch, kept: Stretch | None = None) -> Told:
         """Add an example; all its movement is kept where nobody says which part."""
-        kept = kept or moved_at_all(clip)
+        kept = kept or moving.moved_at_all(clip)
         if kept is None:
             whose = f"{clip.name}: " if clip.name else ""
             return [_refused(performer, f"{whose}expected {MIN_SECONDS:g} s or more of movement")]
         if len(self.roster.examples) >= MAX_EXAMPLES:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         number, self._number = self._number, self._number + 1
-        recording = replace(clip, actor=performer)
-        example = Example(number, class_name, recording, kept.start, kept.end)
+        example = Example(number, class_name, replace(clip, actor=performer), kept.start, kept.end)
         # What lies before the memory is never tried again.
         oldest = whole.start - REMEMBERED
         self._shown = {each: of for each, of in self._shown.items() if of[0] != performer or of[1].end > oldest}
         self._shown[number] = performer, whole
         cut = clip.duration - example.seconds
         trimming = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""
-        self._remember()
+        self._before.append(self.roster)
         self.roster = self.roster.with_example(example)
         return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, trimming)]
 
-    def _stopped(self) -> list[Notice | Changed]:
-        if self.lesson is None:
-            return [_refused("", "nobody is being taught")]
+    def _ended(self, *, cancelled: bool) -> Told:
+        """End the lesson that goes on by hand, with an example or without one."""
         lesson = self.lesson
+        if lesson is None:
+            return [_refused("", "nobody is being taught")]
+        if cancelled:
+            self.lesson = None
+            return [State(lesson.performer, Step.DONE, 0.0, "cancelled")]
         lesson.left = min(lesson.left, 1)
         return self._went(lesson, lesson.stop(by_hand=True))
 
-    def _released(self) -> list[Notice | Changed]:
-        """End a recording that was held; a lesson that was not is let be."""
-        return self._stopped() if isinstance(self.lesson, HeldLesson) else [_refused("", "nothing was held")]
-
-    def _cancelled(self) -> list[Notice | Changed]:
-        if self.lesson is None:
-            return [_refused("", "nobody is being taught")]
-        performer, self.lesson = self.lesson.performer, None
-        return [State(performer, Step.DONE, 0.0, "cancelled")]
-
-    def _change(self, roster: Roster, change: str) -> list[Notice | Changed]:
-        self._remember()
+    def _change(self, roster: Roster, change: str) -> Told:
+        self._before.append(self.roster)
         self.roster = roster
         return [Changed(roster), State("", Step.DONE, 0.0, change)]
 
-    def _remember(self) -> None:
-        self._before.append(self.roster)
-
-    def _undo(self) -> list[Notice | Changed]:
+    def _undo(self) -> Told:
         if not self._before:
             return [_refused("", "nothing to undo")]
         self.roster = self._before.pop()
@@ -712,7 +675,7 @@ class Teacher:
         there = self._there(now)
         if name:
             return name if name in there else None
-        return max(there, key=lambda each: there[each], default=None)
+        return max(there, key=there.__getitem__, default=None)
 
     def _there(self, now: float) -> dict[str, float]:
         """Give the performers who are present, and when their last frames arrived."""

@@ -6,8 +6,8 @@ are admitted. `zmq.auth` makes, reads and checks them, so that every other progr
 
 import os
 import struct
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Self
 
 import zmq
 from zmq.auth.thread import ThreadAuthenticator
@@ -67,7 +67,7 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
     return public, secret
 
 
-class Keyring:
+class Keyring(AbstractContextManager["Keyring"]):
     """The keys in a folder, for the sockets of one program; `close` it after them.
 
     Bound sockets admit only the keys of the folder. Connected sockets reach only the owner of one key: the only other
@@ -104,9 +104,6 @@ class Keyring:
         self._names = {_keys_in(path)[0]: path.name.removesuffix(PUBLIC) for path in sorted(folder.glob(f"*{PUBLIC}"))}
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._authenticator: ThreadAuthenticator | None = None
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -19,20 +19,21 @@ Answers as ZeroMQ messages: a topic and a JSON object.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from kinespace.library import Skeleton
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame
+from kinespace.stream.packet import remember
 from kinespace.stream.recognition import GONE, Answer, Classes, Done, Event, Gone, Progress, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import State, Taught, as_json
+from kinespace.stream.teaching.commands import Notice, State, Taught, as_json
 
 VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.
@@ -203,9 +204,7 @@ class SequenceGaps:
             return
         if seq > last:
             self.missing += seq - last - 1
-        if performer not in self._last and len(self._last) >= _MAX_PERFORMERS:
-            self._last.clear()  # only a sender that makes up names gets here
-        self._last[performer] = seq
+        remember(self._last, performer, seq, _MAX_PERFORMERS)
 
 
 #: Digits of a class's score.
@@ -213,8 +212,8 @@ _SCORE_DIGITS = 6
 _encode = msgspec.json.Encoder().encode
 
 
-class _Received(msgspec.Struct, rename={"label": "class"}):
-    """The fields of an answer that a listener reads."""
+class SentAnswer(msgspec.Struct, rename={"label": "class"}):
+    """The fields of an answer that a listener reads, or a page shows."""
 
     performer: str
     label: str | None
@@ -222,30 +221,12 @@ class _Received(msgspec.Struct, rename={"label": "class"}):
     outcome: str
     score: float
     margin: float
+    guess: str | None = None
+    scores: dict[str, float] = {}
+    progress: dict[str, str | float] | None = None
 
 
-_read = msgspec.json.Decoder(_Received).decode
-
-
-def encode(message: object, *, named: bool = True) -> list[bytes] | None:
-    """Encode whatever a service has to say; None for what is not sent. `named` as of `encode_status`."""
-    parts = None
-    match message:
-        case Recognition():
-            parts = encode_recognition(message)
-        case Event():
-            parts = encode_event(message)
-        case Done():
-            parts = encode_done(message)
-        case Gone(performer):
-            parts = encode_gone(performer)
-        case Classes(names):
-            parts = encode_classes(names)
-        case Status():
-            parts = encode_status(message, named=named)
-        case State() | Taught():
-            parts = [b"teach/", json.dumps(as_json(message)).encode()]
-    return parts
+_read = msgspec.json.Decoder(SentAnswer).decode
 
 
 def encode_recognition(recognition: Recognition) -> list[bytes]:
@@ -330,6 +311,29 @@ def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
     return [b"status/", _encode(described)]
 
 
+def _encode_notice(notice: Notice) -> list[bytes]:
+    return [b"teach/", json.dumps(as_json(notice)).encode()]
+
+
+_ENCODERS: dict[type, Callable[[Any], list[bytes]]] = {
+    Recognition: encode_recognition,
+    Event: encode_event,
+    Done: encode_done,
+    Gone: lambda gone: encode_gone(gone.performer),
+    Classes: lambda classes: encode_classes(classes.names),
+    State: _encode_notice,
+    Taught: _encode_notice,
+}
+
+
+def encode(message: object, *, named: bool = True) -> list[bytes] | None:
+    """Encode whatever a service has to say; None for what is not sent. `named` as of `encode_status`."""
+    if isinstance(message, Status):
+        return encode_status(message, named=named)
+    encoder = _ENCODERS.get(type(message))
+    return encoder(message) if encoder else None
+
+
 #: Joints of a body that is drawn, at most.
 MAX_JOINTS = 4096
 
@@ -346,7 +350,6 @@ class BodyHeader(msgspec.Struct, omit_defaults=True):
     pairs: tuple[tuple[int, int], ...] | None = None
 
 
-_encode_header = msgspec.json.Encoder().encode
 _read_body = msgspec.json.Decoder(BodyHeader).decode
 
 
@@ -357,8 +360,7 @@ def encode_body(frame: Frame, skeleton: Skeleton | None = None, carried: Carried
         header.names, header.parents = skeleton.joints, skeleton.parents
     if carried and len(carried.joints) == header.joints:
         header.carried, header.pairs = carried.joints, carried.pairs
-    positions = frame.positions.astype("<f4")
-    return [f"body/{frame.performer}/".encode(), _encode_header(header), positions.tobytes()]
+    return [f"body/{frame.performer}/".encode(), _encode(header), frame.positions.astype("<f4").tobytes()]
 
 
 def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:

@@ -1,7 +1,5 @@
 """ZeroMQ's endpoints: addresses to bind or to connect, a SUB socket for frames, and a PUB socket for answers."""
 
-from __future__ import annotations
-
 import os
 import re
 import socket
@@ -53,7 +51,7 @@ class Endpoint(NamedTuple):
     to_anybody: bool = False
 
     @classmethod
-    def parse(cls, text: str, *, bind: bool, to_anybody: bool = False) -> Endpoint:
+    def parse(cls, text: str, *, bind: bool, to_anybody: bool = False) -> "Endpoint":
         """Read an address; "@" before it says bind and ">" connect, as in CZMQ, else `bind` decides.
 
         Raises
@@ -243,6 +241,8 @@ class ZmqReceiver:
 
     Attributes
     ----------
+    address, place
+        The endpoint as bound or connected, its port resolved; and as recordings name it: `zmq`, a space, the endpoint.
     sender
         The sender of the last message: host and port of the connection or, with keys, `key NAME` and the port. None
         where ZeroMQ does not say.
@@ -256,6 +256,8 @@ class ZmqReceiver:
         self, endpoint: Endpoint, topic: bytes = b"", networks: Networks = (), keyring: Keyring | None = None
     ) -> None:
         self.socket = endpoint.open(zmq.SUB, networks, keyring)
+        self.address = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+        self.place = f"zmq {self.address}"
         self.socket.subscribe(topic)
         self._connections = Connections(self.socket, endpoint)
         #: Whether the further parts of a message are to be dropped.
@@ -268,16 +270,6 @@ class ZmqReceiver:
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
-
-    @property
-    def place(self) -> str:
-        """The address as recordings name it: `zmq`, a space and the endpoint."""
-        return f"zmq {self.address}"
-
-    @property
-    def address(self) -> str:
-        """The endpoint as bound or connected, its port resolved."""
-        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def broken(self) -> int:
         """Count the connections that broke while the sender was there."""
@@ -365,6 +357,8 @@ class ZmqSender:
 
     Attributes
     ----------
+    address
+        The endpoint as bound or connected, its port resolved.
     failed
         Messages that ZeroMQ did not take.
     unheard
@@ -375,16 +369,12 @@ class ZmqSender:
         self, endpoint: Endpoint, keyring: Keyring | None = None, networks: Networks = (), *, asks: bool = False
     ) -> None:
         self.socket = endpoint.open(zmq.XPUB if asks else zmq.PUB, networks, keyring)
+        self.address = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
         self.failed = self.unheard = 0
         self._asks, self._topics = asks, set[bytes]()
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
-
-    @property
-    def address(self) -> str:
-        """The endpoint as bound or connected, its port resolved."""
-        return str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     def send(self, parts: Sequence[bytes]) -> None:
         """Send one message; a failure is counted, never raised."""

@@ -101,7 +101,7 @@ def packed_frames() -> Iterator[bytes]:
 
 def full_datagrams() -> Iterator[bytes]:
     """Give datagrams of as many right frames as are read."""
-    return _packed(osc.MAX_FRAMES)
+    return _packed(osc.messages.MAX_FRAMES)
 
 
 def _packed(size: int) -> Iterator[bytes]:

@@ -17,8 +17,7 @@ from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
-from kinespace.tools.feeding.service import Listener, Place
-from kinespace.tools.programs.bench import Played, play
+from kinespace.tools.feeding.service import Listener, Place, Played, play
 
 #: Makes faulty cues of the intended cues of a feed.
 Fault = Callable[[list[Cue]], list[Cue]]
@@ -55,15 +54,16 @@ class Performance(NamedTuple):
     answers: list[Answer]
 
     @classmethod
-    def of(cls, played: Played) -> "Performance":
-        """Read the answers."""
+    def of(cls, cues: Sequence[Cue], played: Played) -> "Performance":
+        """Read the answers to cues, of which the last ones may not have been sent; of frames sent twice the first."""
         packets = [(each, json.loads(each.packet[1])) for each in played.received if each.packet[0] != b"status/"]
         answers = [
             Answer(said["t"], each.arrival, bool(said["doubted"]) or said["outcome"] == "implausible")
             for each, said in packets
             if "t" in said
         ]
-        return cls(played.begun, {moment: at for (_, moment), at in played.sent.items()}, answers)
+        moments = [(cue.frame.time, at) for cue, at in zip(cues, played.sent[0], strict=False)]
+        return cls(played.begun, dict(reversed(moments)), answers)
 
     def latencies(self, begin: float, end: float) -> NDArray[np.float64]:
         """Give the seconds from each frame to its answer, for frames sent between two moments of the schedule."""
@@ -111,7 +111,7 @@ class Performer:
         # The first status says that this subscriber is known.
         while not any(each.packet[0] == b"status/" for each in self._listener.listen_until(time.perf_counter() + 0.05)):
             pass
-        self._played = self._thread.submit(play, self._until_ended(), self._sender, self._listener)
+        self._played = self._thread.submit(play, self._until_ended(), [self._sender], self._listener)
         return time.perf_counter()
 
     def _until_ended(self) -> Iterator[Cue]:
@@ -128,4 +128,4 @@ class Performer:
         """Stop; give what was sent and received."""
         self._ended.set()
         with self._thread, closing(self._sender), closing(self._listener):
-            return Performance.of(self._played.result())
+            return Performance.of(self._cues, self._played.result())

@@ -158,7 +158,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("10,000 new names a second", partial(flood, attacks.new_names, 10_000)),
     Trial("30 Mbit/s, 4,000 messages a datagram", partial(flood, attacks.many_messages, 0)),
     Trial("30 Mbit/s, 110 right frames a datagram", partial(flood, attacks.packed_frames, 0)),
-    Trial(f"30 Mbit/s, {osc.MAX_FRAMES} right frames a datagram", partial(flood, attacks.full_datagrams, 0)),
+    Trial(f"30 Mbit/s, {osc.messages.MAX_FRAMES} right frames a datagram", partial(flood, attacks.full_datagrams, 0)),
     Trial("20,000 right frames a second, one performer", partial(flood, attacks.right_frames, 20_000)),
     Trial("the performer's name from another port", partial(flood, attacks.impostor, 3 * 120)),
     Trial(

@@ -174,6 +174,19 @@ def _qualisys(*, columns: bool = True) -> str:
     )
 
 
+def _skeleton() -> str:
+    """Put a joint's name into the header in front of its axes, over an empty column."""
+    heads = "\t".join(["Frame", "Time", *(f"{name}\tX\tY\tZ\tQX\tQY\tQZ\tQW" for name in NAMES)])
+    turn = "\t0.1\t0.2\t0.3\t0.9"
+    rows = [
+        [str(place + 1), f"{time:.5f}", *("\t" + "\t".join(f"{1000 * x:.3f}" for x in point) + turn for point in frame)]
+        for place, (time, frame) in enumerate(zip(TIMES, BODY.tolist(), strict=True))
+    ]
+    return f"NO_OF_FRAMES\t48\nFREQUENCY\t60\nREFERENCE\tGLOBAL\n{heads}\n" + "".join(
+        "\t".join(row) + "\n" for row in rows
+    )
+
+
 #: Numbers of a hand and a body, which both begin at 0; and names whose sides stand in a column of their own.
 _PARTS = tuple(f"hand_{number}" if number < 6 else f"pose_{number - 6}" for number in range(16))
 _SIDED = tuple(f"{name[:4]}_{name[4:]}" if name[:4] == "Left" else name.replace("Right", "Right_") for name in NAMES)
@@ -338,10 +351,19 @@ def _tables() -> dict[str, Kind]:
         "two people whom nothing tells apart": (_two("who", "time", ("ann", "ann")), {"reads": False, "tells": "two bodies at one time"}),
         "two people by A:": (_people("{}:{}", ("A", "B")), {"people": ("A", "B")}),
         "two people by person_1_": (_people("{}_{}", ("person_1", "person_2")), {"people": ("person_1", "person_2")}),
+        "two people, and a slip of the tracker": (_two("id", "time", ("1", "2")) + table(clock="time", times=["0.79"], more=[("id", 3)]).splitlines()[1] + "\n", {"people": ("1", "2"), "tells": "seen in one frame alone: 3"}),
+        "times in German": (table(clock="Zeit"), {}),
+        "times in Chinese": (table(clock="时间(ms)", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
         "a person's name in front": (_in_front("performer,", lambda *_: "ann,", table()), {}),
         "Vicon Nexus, all parts": (_vicon_parts() + _vicon(), {}),
         "Vicon Workstation": (_vicon_old(), {}),
         "Qualisys, without columns' names": (_qualisys(columns=False), {"ending": "tsv"}),
+        "Qualisys' skeleton": (_skeleton(), {"ending": "tsv"}),
+        "names over three columns": (table(head=lambda name, axis: name if axis == "x" else ""), {}),
+        "names thrice": (table(head="{0}".format), {}),
+        "names thrice, by pandas": (table(head=lambda name, axis: name + {"x": "", "y": ".1", "z": ".2"}[axis]), {}),
+        "axes again, by pandas": (table(clock="time", head=lambda name, axis: axis + f".{NAMES.index(name)}" * (name != NAMES[0]), first="," + ",,,".join(NAMES) + ",,\n"), {}),
+        "an axis in a word": (table(head="{} {}-axis".format), {}),
         "a row a joint, by id": (_long("{time:.4f},{id},{x:.4f},{y:.4f},{z:.4f}", names=NAMES), {"names": tuple(map(str, range(16)))}),
         "a row a joint, joint by joint": (_long("{joint},{time:.4f},{x:.4f},{y:.4f},{z:.4f}", by="joint"), {}),
         "a row a joint, two people": (_two_long(), {"people": ("a", "b")}),
@@ -359,6 +381,10 @@ def _tables() -> dict[str, Kind]:
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
         "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
+        "the world's places behind a picture's": (table(head="{}_{}_world".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
+        "local places": (table(head="{}_global_{}".format, more=[(f"{n}_local_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips_local"}),
+        "X=0.1 Y=0.2 Z=0.3": (_points("X={:.4f} Y={:.4f} Z={:.4f}"), {}),
+        "Motive, the root called like the skeleton": (_motive().replace("Ann:Hips", "Ann:Ann"), {"names": ("Hip", *NAMES[1:])}),
         "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
         "joints' names in cells": ("Time,SkeletonId" + ",Joint,Status,PositionX,PositionY,PositionZ,RotationX,RotationY" * 16 + "\n" + "".join(f"{t:.4f},7" + "".join(f",{n},TRACKED,{x:.4f},{y:.4f},{z:.4f},0.5,0" for n, (x, y, z) in zip(NAMES, frame, strict=True)) + "\n" for t, frame in zip(TIMES, BODY.tolist(), strict=True)), {}),
         "commas within and between": (table().replace(".", ","), {"reads": False, "tells": "expected 49 fields, got 98: commas in numbers"}),
@@ -395,6 +421,7 @@ def _tables() -> dict[str, Kind]:
         "UTF-16": Kind("csv", table(mark="\t").encode("utf-16")),
         "BOM, CRLF": Kind("csv", table().replace("\n", "\r\n").encode("utf-8-sig")),
         "tabs in a .txt": Kind("txt", table(mark="\t").encode()),
+        "no names": Kind("csv", table().partition("\n")[2].encode(), "without a row of names", reads=False),
         "two dimensions": Kind("csv", table().replace("_z", "_w").encode(), "no z", reads=False),
         "angles": Kind("csv", table(head="{}_rot_{}".format).encode(), "positions", reads=False),
     }
@@ -430,6 +457,7 @@ def trc(
 def _trcs() -> dict[str, Kind]:
     gone, late = _without("RightFoot", np.nan) * 1000, _without("LeftHand", np.nan, slice(0, 40)) * 1000
     short = _without("RightFoot", np.nan, slice(30, 34)) * 1000
+    gone_at_first = np.where(np.arange(len(BODY))[:, None, None] < 34, np.nan, BODY)
     heads = "\t\t\t".join(NAMES)
     texts = {
         "header and times differ": (trc(rate="600.00"), {"tells": "600 frames a second"}),
@@ -454,8 +482,21 @@ def _trcs() -> dict[str, Kind]:
         "two tabs more in front": (trc().replace("Time\t", "Time\t\t\t"), {}),
         "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
+        "two tabs between the header's numbers": (trc().replace("60.00\t60.00\t48\t16\tmm", " 60.0\t\t 60.0\t\t 48\t\t 16\t\t mm"), {}),
+        "a header without the unit": (trc().replace("\tmm\t", "\t"), {"tells": "units"}),
+        "the header's values beside their names": (trc().replace(trc().split("\n", 3)[1], "DataRate\t60\tNumFrames\t48\tUnits\tmm").replace(trc().split("\n", 3)[2], ""), {}),
+        "a label thrice": (trc().replace(heads + "\t\t", "\t".join(name for name in NAMES for _ in range(3))), {}),
+        "blank lines, comments": ("\n# made by a tool\n" + trc().replace("\n", "\n\n"), {}),
+        "commas between": (trc().replace("\t", ","), {}),
+        "quotes": (trc().replace("Hips", '"Hips"').replace("LeftLeg", '"LeftLeg"'), {}),
+        "no numbers of frames": ("".join(row.partition("\t")[2] if n > 2 else row for n, row in enumerate(trc().splitlines(keepends=True))), {}),
+        "nobody at first": (trc(positions=gone_at_first * 1000), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
+        "in a .csv": (trc().replace("\t", ","), {"ending": "csv"}),
     }  # fmt: skip
-    return {f"TRC, {name}": Kind("trc", text.encode("latin-1"), **said) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+    return {
+        f"TRC, {name}": Kind(**{"ending": "trc", "content": text.encode("latin-1"), **said})
+        for name, (text, said) in texts.items()
+    }  # type: ignore[arg-type]
 
 
 # --- BVH -------------------------------------------------------------------------------------------------------------
@@ -512,12 +553,22 @@ def _bvhs() -> dict[str, Kind]:
         "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
         "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),
-        "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for frames a second"}),
+        "frames a second for Frame Time": (plain.replace("Time: 0.0166667", "Time: 60"), {"tells": "taken for 60 frames a second"}),
+        "milliseconds for Frame Time": (plain.replace("Time: 0.0166667", "Time: 16.6667"), {"tells": "taken for 60 frames a second"}),
+        "no colon": (plain.replace("Frames:", "Frames").replace("Time:", "Time"), {}),
+        "the rate first": (plain.replace("Frames: 48\nFrame Time: 0.0166667", "FrameTime = 0.0166667 s\nFrames = 48"), {}),
+        "all in MOTION's line": (plain.replace("MOTION\n", "MOTION ").replace("48\n", "48 "), {}),
+        "no Frame Time": (plain.replace("Frame Time: 0.0166667\n", ""), {"options": (("frame_rate", RATE),)}),
+        "semicolons between": (head + "Frame Time" + motion.replace(" ", ";").replace(":;", ": "), {}),
+        "in a .txt": ("\n" + plain, {"ending": "txt"}),
         "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
     # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.
-    made = {f"BVH, {name}": Kind("bvh", text.encode("latin-1"), **said) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
+    made = {
+        f"BVH, {name}": Kind(**{"ending": "bvh", "content": text.encode("latin-1"), **said})
+        for name, (text, said) in texts.items()
+    }  # type: ignore[arg-type]
     return made | {
         "BVH, Shift-JIS": Kind("bvh", plain.replace("JOINT Head", "JOINT 頭").encode("cp932"), lacking=("Head",))
     }
@@ -630,6 +681,7 @@ def _c3ds() -> dict[str, Kind]:
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
         "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
+        "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {}),
         "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip

@@ -10,7 +10,6 @@ from numpy.random import Generator
 from kinespace.library import Skeleton, compiled
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
-from kinespace.library.windows.comparer import compare
 from kinespace.stream.recognizer.window import NEAR, read_distances, read_points, slide
 
 pytestmark = pytest.mark.skipif(not compiled.in_use, reason="nothing is compiled here")
@@ -53,30 +52,10 @@ def _read_points(generator: Generator) -> list[Any]:
     return [*sums, 0.0, near, int(generator.integers(1, 5))]
 
 
-def _compare(generator: Generator) -> list[Any]:
-    count, classes = int(generator.integers(2, 200)), int(generator.integers(1, 4))
-    room = -(-count // 64) * 64
-    starts = np.unique([0, *generator.integers(1, count, size=6), count])
-    persons = np.full((classes, max(len(starts), 2)), len(starts) - 1)
-    for place in range(len(starts) - 1):
-        persons[place % classes, place] = place
-    vectors, windows = [], []
-    for shape in ((40,), (4, 32), (1, 7)):
-        vectors.append(generator.normal(size=shape).astype(np.float32))
-        vectors[-1] /= np.linalg.norm(vectors[-1])
-        windows.append(generator.normal(scale=0.1, size=(shape[-1], room * (shape[0] if len(shape) > 1 else 1))))
-    lengths, weights = generator.uniform(2, 4, (3, room)), generator.uniform(size=(5, 3))
-    numbers = [vectors, [each.astype(np.float32) for each in windows]]
-    numbers += [each.astype(np.float32) for each in (lengths, weights)]
-    left_out = np.zeros(0, dtype=np.bool_) if generator.integers(2) else generator.random(count) < 0.3
-    return [*numbers, starts, persons, 0.01, left_out]
-
-
 CASES: dict[Callable[..., Any], Callable[[Generator], list[Any]]] = {
     slide: _slide,
     read_distances: _read_distances,
     read_points: _read_points,
-    compare: _compare,
 }
 FUNCTIONS = pytest.mark.parametrize("function", CASES, ids=lambda each: each.__name__)
 
@@ -98,17 +77,16 @@ def test_it_computes_what_numpy_computes(function: Callable[..., Any], seed: int
     found = function(*ours)
     with compiled.left_aside():
         expected = function(*theirs)
-    tolerance = 1e-5 if function is compare else 1e-7
     if function is read_points:
         # Eigenvectors may have either sign, and those after the fourth are only on the way.
         (values, vectors, scaled, trace), (theirs_values, theirs_vectors, theirs_scaled, theirs_trace) = found, expected
         assert [*values[:4], trace] == pytest.approx([*theirs_values[:4], theirs_trace])
         assert np.abs((vectors[:4] * theirs_vectors[:4]).sum(axis=1)) == pytest.approx(1.0)
-        assert np.abs(scaled.T @ scaled - theirs_scaled.T @ theirs_scaled).max() < tolerance
+        assert np.abs(scaled.T @ scaled - theirs_scaled.T @ theirs_scaled).max() < 1e-7
         return
     for one, other in zip((*_flat(found), *ours), (*_flat(expected), *theirs), strict=True):
         if isinstance(other, np.ndarray):
-            np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)
+            np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7)
 
 
 @FUNCTIONS

@@ -137,7 +137,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
         recognition.performer, recognition.class_index, recognition.score, recognition.margin, recognition.label
     )
     assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
-    packet = osc.encode_recognition(recognition)
+    packet = osc.messages.encode_recognition(recognition)
     part = osc.address_part(recognition.performer)
     read = osc.decode_answer(packet)
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
@@ -399,7 +399,7 @@ def test_cut_off_anywhere_a_packet_never_becomes_a_smaller_one() -> None:
     """A frame cut at any byte is malformed; of a bundle only whole messages are found, where one ends."""
     whole = wrong.osc_frame([1.0] * 6)
     for length in range(len(whole)):
-        assert osc.decode(whole[:length], 1.0) == osc.Received([], malformed=1)
+        assert osc.decode(whole[:length], 1.0) == osc.messages.Received([], malformed=1)
     packet = bundle(whole, bundle(message("/b", "i", 1), whole), message("/c", "s", "ü"))
     expected = decode_packet(packet)
     found = []

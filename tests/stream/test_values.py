@@ -12,7 +12,7 @@ from kinespace.stream import Announcement, Frame, Outcome
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import AdmissionCounts, HopTimes, InputCounts, Rates, Status
+from kinespace.stream.status import AdmissionCounts, InputCounts, Status
 
 # --- frame ------------------------------------------------------------------------------------------------------------
 
@@ -124,26 +124,3 @@ def test_lost_counts_each_kind_of_loss_once() -> None:
     lost = {name: next(kinds) for name in ("malformed", "overrun", "missing", "incomplete", "broken", "thrown_away")}
     inputs = InputCounts(received=used, foreign=used, **lost)
     assert Status(inputs, outcomes, used, {}, 0.0, 0.0, admission=admission).lost == int("1" * 11)
-
-
-def test_rates_are_counted_from_reading_to_reading() -> None:
-    """A rate is the frames since the last reading by the seconds since then, for each performer, and finite."""
-    rates = Rates(100.0)
-    for performer in "aababa":
-        rates[performer] += 1
-    assert rates.read(102.0, "abc") == {"a": 2.0, "b": 1.0}
-    rates["b"] += 1
-    assert rates.read(102.5, "b") == {"b": 2.0}
-    assert rates.read(103.0, "b") == {}
-    rates["a"] += 1
-    assert np.isfinite(rates.read(103.0, "a")["a"])
-
-
-@given(seconds=st.lists(st.floats(0.0, 1.0), max_size=50), percent=st.sampled_from([0, 50, 99, 100]))
-def test_percentiles_are_numpys(seconds: list[float], percent: float) -> None:
-    """While few hops are remembered, percentiles equal numpy's over all hops, as plain numbers; 0 before the first."""
-    times = HopTimes()
-    for each in seconds:
-        times.append(each)
-    assert times.percentile(percent) == pytest.approx(float(np.percentile(seconds or [0.0], percent)))
-    assert type(times.percentile(percent)) is float

@@ -194,11 +194,13 @@ def _frames_of(packet: bytes) -> list[Input]:
 READERS = {
     "OSC": Reader([[each] for each in golden_packets("vmc")], lambda parts: decode_packet(parts[0]), PacketError),
     "OSC frames": Reader([[each] for each in golden_packets("native")], lambda parts: _frames_of(parts[0])),
-    "OSC answers": Reader([[osc.encode_recognition(_NAMED)]], lambda parts: osc.decode_answer(parts[0])),
-    "ZeroMQ frames": Reader(golden_messages()[:3], lambda parts: zeromq.decode(parts, 1.0), zeromq.FormatError),
+    "OSC answers": Reader([[osc.messages.encode_recognition(_NAMED)]], lambda parts: osc.decode_answer(parts[0])),
+    "ZeroMQ frames": Reader(
+        golden_messages()[:3], lambda parts: zeromq.decode(parts, 1.0), zeromq.messages.FormatError
+    ),
     "ZeroMQ answers": Reader([zeromq.encode_recognition(_NAMED)], zeromq.decode_answer),
     "ZeroMQ in one part": Reader(
-        golden_messages()[3:6], lambda parts: decode_packed(parts[0], 1.0), zeromq.FormatError
+        golden_messages()[3:6], lambda parts: decode_packed(parts[0], 1.0), zeromq.messages.FormatError
     ),
     "bodies": Reader([encode_body(Frame("jan", 1.0, np.ones((31, 3))), SKELETON)], decode_body),
 }

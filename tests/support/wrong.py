@@ -8,7 +8,8 @@ import numpy as np
 from golden import bundle, message
 
 from kinespace.stream.osc.packet import MAX_MESSAGES, MAX_VALUES
-from kinespace.stream.zeromq import MAX_HEADER, MAX_MESSAGE
+from kinespace.stream.zeromq import MAX_MESSAGE
+from kinespace.stream.zeromq.messages import MAX_HEADER
 
 _RANDOM = np.random.default_rng(17)
 #: The positions of a body of 31 joints, as a row of numbers.

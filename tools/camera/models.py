@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kinespace.library import memory
+from kinespace.library.library_file import replacing
 from kinespace.library.windows.remembered import cache_folder
 
 NPM, PIP = "@mediapipe/pose@0.5.1675469404", "mediapipe==0.10.21"
@@ -66,7 +67,7 @@ def models_at(place: Path | None, size: str) -> Models:
         raise FileNotFoundError(MISSING if place is None else f"{place}: {MISSING}")
     read = Models(memory.content(detector, _MAX_BYTES), memory.content(landmarks, _MAX_BYTES))
     for path, content in zip((detector, landmarks), read, strict=True):
-        if place is None and _KNOWN.get(_hash(content)) != path.name:
+        if place is None and _KNOWN.get(hashlib.sha256(content).hexdigest()) != path.name:
             raise ValueError(f"{path}: damaged; `kinespace camera --get-models` fetches it again")
     return read
 
@@ -102,7 +103,8 @@ def fetched(say: Callable[[str], object]) -> Path:
         kept = cache()
         kept.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            _keep(kept / name, content)
+            with replacing(kept / name) as file:
+                file.write(content)
         say(f"{kept}: {', '.join(sorted(files))}; from {package} ({client}), {LICENCE}")
         return kept
     raise OSError(f"models: not fetched ({'; '.join(failures)}); --models takes a folder that has them")
@@ -135,25 +137,15 @@ def checked(contents: Iterable[bytes]) -> dict[str, bytes]:
     ValueError
         The detector or the full landmark network is not among them.
     """
-    files = {_KNOWN[digest]: content for content in contents if (digest := _hash(content)) in _KNOWN}
+    hashed = ((hashlib.sha256(content).hexdigest(), content) for content in contents)
+    files = {_KNOWN[digest]: content for digest, content in hashed if digest in _KNOWN}
     if not files.keys() >= {_DETECTOR, _LANDMARKS.format("full")}:
         raise ValueError("models: expected a package with the files of known SHA-256, got others; nothing is kept")
     return files
 
 
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
 def _call(command: Sequence[str], folder: Path) -> None:
     subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True, timeout=_MAX_FETCHING)  # noqa: S603 - a fixed command
-
-
-def _keep(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all."""
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(content)
-    Path(file.name).replace(path)
 
 
 def _last_line(error: Exception) -> str:

@@ -14,12 +14,7 @@ from kinespace.library.recordings import FILMS, ActorIn, Reading
 from kinespace.library.recordings.formats import utkinect
 from kinespace.stream import LiveSignature, Settings
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
-from kinespace.stream.recognizer.settings import (
-    SENSITIVITY_CAMERA,
-    SENSITIVITY_LEARNED,
-    SENSITIVITY_ONE,
-    SENSITIVITY_OWN,
-)
+from kinespace.stream.recognizer import settings as usually
 from kinespace.tools.cli.values import meant, one_of
 
 #: The ending of a user's own preset.
@@ -275,9 +270,10 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     text = "compare all parts of the signature over several windows, or as the paper does (default %(default)s)"
     parser.add_argument("--signature", choices=signatures, default=usual, help=text)
     text = (
-        f"share of unknown motions that may be named, by the library's estimate (default: {SENSITIVITY_LEARNED} "
-        f"with the built-in library, {SENSITIVITY_OWN} with yours, {SENSITIVITY_ONE} if of one person, "
-        f"{SENSITIVITY_CAMERA} if of several before cameras); windows only"
+        "share of unknown motions that may be named, by the library's estimate (default: "
+        f"{usually.SENSITIVITY_LEARNED} with the built-in library, {usually.SENSITIVITY_OWN} with yours, "
+        f"{usually.SENSITIVITY_ONE} if of one person, {usually.SENSITIVITY_CAMERA} if of several before cameras); "
+        "windows only"
     )
     parser.add_argument("--sensitivity", type=share, help=text)
     parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")

@@ -104,6 +104,11 @@ def progress(work: Iterable[_Item], what: str, total: int | None) -> Iterator[_I
         yield from bar.track(work, total=total, description=what)
 
 
+def print_json(value: object) -> None:
+    """Print one JSON value."""
+    print(json.dumps(value))
+
+
 #: Characters that a line of a heading may always have.
 _HEADING = 10
 #: How cells begin that spreadsheets take for something to compute.
@@ -158,7 +163,7 @@ class _None:
 
 def print_scores(
     scores: Iterable[Mapping[str, object]],
-    columns: Iterable[tuple[str, str]],
+    columns: str,
     *,
     title: str,
     caption: str | None = None,
@@ -171,11 +176,12 @@ def print_scores(
     scores
         Figures by name; None for a figure that there is not.
     columns
-        Headings, and how figures are written, like `{right:.1%}`.
+        Headings, each with how its figures are written, like `right {right:.1%} | seconds {seconds:.1f}`.
     title, caption, names
         As for `table_of`.
     """
-    headings, forms = zip(*columns, strict=True)
+    parted = [column.partition("{") for column in columns.split(" | ")]
+    headings, forms = [heading.strip() for heading, *_ in parted], [brace + form for _, brace, form in parted]
     there = ({name: _None() if value is None else value for name, value in score.items()} for score in scores)
     rows = [[form.format(**score) for form in forms] for score in there]
     console.print(table_of(title, headings, rows, caption=caption, names=names))

@@ -14,6 +14,7 @@ from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream import Done, Event, EventKind, Recognition
 from kinespace.stream.osc import address_part
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import Notice, State, Step, as_line
 from kinespace.tools.cli.console import console, say, shortened, table_of
@@ -102,7 +103,7 @@ class PlainLines(Sink):
         #: The notes on performers at the last status.
         self._said: list[str] = []
 
-    def publish(self, recognition: Recognition) -> None:
+    def publish_recognition(self, recognition: Recognition) -> None:
         """Print the recognition if its label is new."""
         before, began, _ = self._last.get(recognition.performer, ("", recognition.time, 0.0))
         self._last[recognition.performer] = recognition.label, began, recognition.time
@@ -113,9 +114,9 @@ class PlainLines(Sink):
             measured = f"score {score:.3f}  margin {recognition.margin:.3f}"
             say(f"{recognition.time - began:10.3f} s  {name}  {label}  {measured}", facts)
 
-    def publish_gone(self, performer: str) -> None:
+    def publish_gone(self, gone: Gone) -> None:
         """Print that a performer has left."""
-        say(f"performer {performer}: gone", {"what": "gone", "performer": performer})
+        say(f"performer {gone.performer}: gone", {"what": "gone", "performer": gone.performer})
 
     def publish_event(self, event: Event) -> None:
         """Print the event at the time of the performer's last answer, and its own time if that was earlier."""
@@ -149,9 +150,11 @@ class PlainLines(Sink):
                 self._notes.add(kind)
                 say(note, level=logging.WARNING)
 
-    def publish_notice(self, notice: Notice) -> None:
+    def publish_state(self, notice: Notice) -> None:
         """Print the notice."""
         say(as_line(notice))
+
+    publish_taught = publish_state
 
 
 def _facts(what: str, performer: str, class_name: str, **numbers: float) -> dict[str, object]:
@@ -175,7 +178,7 @@ class LiveTable(Sink):
     """A sink that keeps the content of the table: the last answers to each performer, the last status."""
 
     def __init__(self, classes: Sequence[str]) -> None:
-        self._classes = classes
+        self._classes = tuple(classes)
         #: The performer in each row; empty when the performer has left, until a newcomer takes the row.
         self._rows: list[str] = []
         self._shown = defaultdict[str, _Shown](_Shown)
@@ -185,13 +188,15 @@ class LiveTable(Sink):
         self.hint = ""
         self._taught: list[Notice] = []
 
-    def publish_notice(self, notice: Notice) -> None:
+    def publish_state(self, notice: Notice) -> None:
         """Keep the last notices; of how a lesson waits the newest alone."""
         waits = isinstance(notice, State) and notice.step is Step.WAITING
         kept = [each for each in self._taught if not (waits and isinstance(each, State) and each.step is Step.WAITING)]
         self._taught = [*kept, notice][-_NOTICES:]
 
-    def publish(self, recognition: Recognition) -> None:
+    publish_taught = publish_state
+
+    def publish_recognition(self, recognition: Recognition) -> None:
         """Keep the recognition."""
         name = recognition.performer
         self._shown[name].latest = recognition
@@ -214,9 +219,9 @@ class LiveTable(Sink):
         shown.done = {name: count for name, count in shown.done.items() if name != done.label}
         shown.done[done.label] = done.count
 
-    def publish_classes(self, classes: Sequence[str]) -> None:
+    def publish_classes(self, classes: Classes) -> None:
         """Keep the classes."""
-        self._classes = classes
+        self._classes = classes.names
 
     def publish_status(self, status: Status) -> None:
         """Keep the status, and forget performers that have left; the others keep their rows."""

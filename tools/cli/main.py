@@ -1,8 +1,8 @@
 """The command line `kinespace PROGRAM`: finds the program, runs it, and turns its failure into one line.
 
 A program is a module with two functions: `add_arguments(parser)` adds its options, and `run(options)` does the work and
-returns the exit status. Its `--help` prints the module's docstring below the first line. Only the module of the program
-that is asked for is imported.
+returns the exit status, or nothing for 0. Its `--help` prints the module's docstring below the first line. Only the
+module of the program that is asked for is imported.
 """
 
 import argparse
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from kinespace.library import memory  # noqa: PLC0415 - numpy comes with it, and `--version` needs none
 
         with memory.limited_to(options.max_memory or memory.MAX_MEMORY):
-            status: int = options.run(options)
+            status: int = options.run(options) or 0
     except KeyboardInterrupt:
         return 1
     except RuntimeError as error:

@@ -78,12 +78,14 @@ def _boris(courses: Sequence[Course]) -> str:
     people = sorted({course.person for course in courses} - {""})
     named = {"time_format": "s", "project_date": _DATE, "project_name": "kinespace", "project_description": ""}
     observed = {"file": {}, "type": "LIVE", "date": _DATE, "description": "", "time offset": 0.0}
+    blank = ("key", "description", "category", "modifiers", "excluded", "coding map")
+    behaviour = {"type": "State event", "code": "", **dict.fromkeys(blank, "")}
     empty: dict[str, object] = {"independent_variables": {}, "coding_map": {}, "behaviors_coding_map": []}
     project = {
         **named,
         "project_format_version": _BORIS_VERSION,
         "subjects_conf": {str(n): {"key": "", "name": name, "description": ""} for n, name in enumerate(people)},
-        "behaviors_conf": {str(place): _behaviour(code) for place, code in enumerate(codes)},
+        "behaviors_conf": {str(place): {**behaviour, "code": code} for place, code in enumerate(codes)},
         "observations": {
             course.name: {
                 **observed,
@@ -97,11 +99,6 @@ def _boris(courses: Sequence[Course]) -> str:
         "converters": {},
     }
     return json.dumps(project, indent=1, ensure_ascii=False)
-
-
-def _behaviour(code: str) -> dict[str, str]:
-    empty = dict.fromkeys(("key", "description", "category", "modifiers", "excluded", "coding map"), "")
-    return {"type": "State event", "code": code, **empty}
 
 
 def _boris_events(course: Course, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:

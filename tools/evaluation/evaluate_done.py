@@ -14,7 +14,7 @@ import numpy as np
 from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
-from kinespace.tools.cli.console import print_scores, progress
+from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
@@ -25,15 +25,10 @@ _STANDS = 0.6
 #: False alarms an hour that are compared.
 _PROMISED = (1.0, 6.0, 60.0, 600.0)
 _COLUMNS = (
-    ("", "{name}"),
-    ("found", "{found:.1%}"),
-    ("takes found", "{takes_found:.1%}"),
-    ("counted right", "{counted_right:.1%}"),
-    ("false an hour", "{false_per_hour:.1f}"),
-    ("delay", "{delay_s:.2f} s"),
-    ("broken off, done", "{broken_done:.1%}"),
+    "{name} | found {found:.1%} | takes found {takes_found:.1%} | counted right {counted_right:.1%} | "
+    "false an hour {false_per_hour:.1f} | delay {delay_s:.2f} s | broken off, done {broken_done:.1%}"
 )
-_OF_CLASSES = (("class", "{name}"), *((each, f"{{{each}:.0f}}") for each in ("segments", "found", "false")))
+_OF_CLASSES = "class {name} | segments {segments:.0f} | found {found:.0f} | false {false:.0f}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Replay takes, score what was said, and print the results; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Replay takes, score what was said, and print the results."""
     settings, scores = settings_of(options), list[dict[str, Any]]()
     asked, _ = harness.asked_of(options)
     takes = list[DoneTake]()
@@ -58,8 +53,8 @@ def run(options: argparse.Namespace) -> int:
     persons = {name: score_done([each for each in takes if each.take.person == name]) for name in people}
     classes, last = by_class(takes), scores[-1]
     if options.json:
-        harness.print_json({**last, "classes": classes, "persons": persons, "promises": scores})
-        return 0
+        print_json({**last, "classes": classes, "persons": persons, "promises": scores})
+        return
     print_scores(
         [*scores, *({"name": name, **each} for name, each in persons.items())],
         _COLUMNS,
@@ -68,7 +63,6 @@ def run(options: argparse.Namespace) -> int:
         caption="false an hour, 95 %: {:.1f} to {:.1f}".format(*last["false_interval"]),
     )
     print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
-    return 0
 
 
 def done_take(asked: Asked, settings: Settings) -> DoneTake:

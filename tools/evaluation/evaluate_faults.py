@@ -17,7 +17,7 @@ from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
-from kinespace.tools.cli.console import print_scores, progress
+from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.harness import Feed, Take
@@ -150,8 +150,10 @@ _SHARES = dict.fromkeys(("right", "guessed", "wrong", "implausible"), "answers")
 _RATE = 60.0
 #: Seed of noise, drops and order.
 _SEED = 0
-_WHEN = ("noticed, s", "{noticed_s:.2f}"), ("alarmed", "{alarmed} of {seconds:.0f} s")
-_COLUMNS = (("fault", "{fault}"), *((name.replace("_", " "), f"{{{name}:.1%}}") for name in _SHARES), *_WHEN)
+_COLUMNS = (
+    "fault {fault} | right {right:.1%} | guessed {guessed:.1%} | wrong {wrong:.1%} | implausible {implausible:.1%} | "
+    "unknown named {unknown_named:.1%} | noticed, s {noticed_s:.2f} | alarmed {alarmed} of {seconds:.0f} s"
+)
 
 
 class _Played(NamedTuple):
@@ -173,8 +175,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Play every take with every fault, and print what was answered; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Play every take with every fault, and print what was answered."""
     settings, (asked, _) = settings_of(options), harness.asked_of(options)
     played: dict[str, list[_Played]] = {fault: [] for fault in options.fault or FAULTS}
     for each in progress(asked, "Playing", len(asked)):
@@ -186,11 +188,10 @@ def run(options: argparse.Namespace) -> int:
             of_fault.append(_played(each.take, feed, each.library, settings))
     scores = [_scored(fault, each) for fault, each in played.items()]
     if options.json:
-        harness.print_json({"faults": scores})
+        print_json({"faults": scores})
     else:
         caption = f"{rests_on(scores[0], 'segment')}; last second inside the segment"
         print_scores(scores, _COLUMNS, title="Takes whose joints go wrong", caption=caption)
-    return 0
 
 
 def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Settings) -> _Played:

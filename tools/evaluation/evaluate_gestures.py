@@ -17,11 +17,11 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
-from kinespace.tools.cli.console import print_scores, progress, require_place_for_report
+from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for_report
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.harness import Take, print_json, written
-from kinespace.tools.evaluation.stream_score import rests_on, write_rows
+from kinespace.tools.evaluation.harness import Take, written
+from kinespace.tools.evaluation.stream_score import basis_of, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_report(parser)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> None:
     """Teach each person's gestures, play the takes, and print how rightly the gestures were said."""
     takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
     joints = harness.shared_joints([take.clip.skeleton for take in takes])
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         index = _opened([lessons[each] for each in teachers], person)
         heard += [listened(take, index, lessons[person], settings) for take in by_person[person]]
     title = f"Gestures taught by one example: {options.taught_by}"
-    return report(heard, options, title, "delay: from the end of the gesture's movement")
+    report(heard, options, title, "delay: from the end of the gesture's movement")
 
 
 def first_of(takes: Sequence[Take]) -> Lessons:
@@ -88,8 +88,7 @@ def _opened(lessons: Sequence[Lessons], person: str) -> WindowIndex:
     examples = [example_of(*each) for of_teacher in lessons for each in of_teacher.values()]
     if not examples:
         raise ValueError("TAKE: expected labelled segments that teach, got none")
-    without = {person} & {*MotionLibrary.builtin().actors}
-    return open_taught(MotionLibrary.of_clips(examples), without)
+    return open_taught(MotionLibrary.of_clips(examples), {person} & {*MotionLibrary.builtin().actors})
 
 
 def example_of(take: Take, segment: Segment) -> Clip:
@@ -141,22 +140,20 @@ def report(
     title: str,
     caption: str,
     further: Mapping[str, object] | None = None,
-) -> int:
-    """Print the scores of all takes together, write the words, and return the exit status; `further` is for JSON."""
-    scores, persons = score_words(heard), {each.person for each in heard}
-    seconds, segments = sum(each.seconds for each in heard), sum(each.asked for each in heard)
-    basis = {"seconds": seconds, "segments": segments, "persons": len(persons) if all(persons) else None}
+) -> None:
+    """Print the scores of all takes together, write the words; `further` is for JSON."""
+    scores, basis = score_words(heard), basis_of([each.seconds for each in heard], [each.person for each in heard])
+    basis["segments"] = sum(each.asked for each in heard)
     so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
         require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))
     if options.json:
         print_json({**scores, "so_far": so_far, **(further or {}), **basis})
-        return 0
+        return
     rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
     print_scores(rows, COLUMNS, title=title, caption=caption)
-    return 0
 
 
 def _written(interval: tuple[float, float] | None) -> str:

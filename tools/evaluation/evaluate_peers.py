@@ -24,19 +24,19 @@ from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.cli.console import counted, print_scores, progress
+from kinespace.tools.cli.console import counted, print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0
 #: Frames of a motion as peers see it; the slower peers see fewer.
 _FRAMES, _FEW = 64, 32
-_COLUMNS = (
-    ("method", "{method}"),
-    *((f"{share:.0%} seen", f"{{seen[{place}]:.1%}}") for place, share in enumerate(_SHARES)),
-    ("turned", "{turned:.1%}"),
-    ("fit, s", "{fit_s:.1f}"),
-    ("ms a clip", "{clip_ms:.1f}"),
+_COLUMNS = " | ".join(
+    (
+        "method {method}",
+        *(f"{share:.0%} seen {{seen[{place}]:.1%}}" for place, share in enumerate(_SHARES)),
+        "turned {turned:.1%} | fit, s {fit_s:.1f} | ms a clip {clip_ms:.1f}",
+    )
 )
 
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> None:
     """Let each method learn and be asked, person by person, and print how often it is right."""
     clips = _motions(options)
     persons = sorted({clip.actor for clip in clips})
@@ -78,12 +78,11 @@ def run(options: argparse.Namespace) -> int:
     compared = progress([*methods], "Comparing", len(methods))
     rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
     if options.json:
-        harness.print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
-        return 0
+        print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
+        return
     whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"
     print_scores(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption)
-    return 0
 
 
 def _motions(options: argparse.Namespace) -> list[Clip]:

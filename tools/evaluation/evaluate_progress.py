@@ -19,7 +19,7 @@ from kinespace.library.phases import MOMENTS_PER_SECOND
 from kinespace.stream import Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_shared, count
-from kinespace.tools.cli.console import print_scores, progress
+from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.feeding.feed import between
 
@@ -47,14 +47,8 @@ _MAIN = (
     ("back_steps", AS_RECORDED, "back"),
 )
 _COLUMNS = (
-    ("played", "{played}"),
-    ("method", "{method}"),
-    ("mean error", "{phase_mean:.3f}"),
-    ("median", "{phase_median:.3f}"),
-    ("within .1", "{phase_near:.1%}"),
-    ("speed, octaves", "{speed_octaves:.2f}"),
-    ("back", "{back:.1%}"),
-    ("answered", "{answered:.1%}"),
+    "played {played} | method {method} | mean error {phase_mean:.3f} | median {phase_median:.3f} | "
+    "within .1 {phase_near:.1%} | speed, octaves {speed_octaves:.2f} | back {back:.1%} | answered {answered:.1%}"
 )
 
 
@@ -72,16 +66,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Follow the motions, and print how right their progress was; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Follow the motions, and print how right their progress was."""
     scores = followed(MotionLibrary.builtin(), every=options.every)
     if options.json:
         named = {each["played"]: each for each in scores if each["method"] == NAMED}
-        harness.print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
+        print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
     else:
         caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
         print_scores(scores, _COLUMNS, title="Progress, the performer's motions left out", caption=caption, names=2)
-    return 0
 
 
 def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object]]:

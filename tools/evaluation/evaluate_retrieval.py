@@ -23,18 +23,12 @@ from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
-from kinespace.tools.evaluation.harness import Sources, distinct, print_json, read_takes, shared_joints
+from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
 from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
 
 _COLUMNS = (
-    ("compared", "{space} {signature}"),
-    ("protocol", "{protocol}"),
-    ("motions", "{motions}"),
-    ("nearest", "{nearest:.1%}"),
-    ("95 %", "{sure}"),
-    ("of two", "{two_nearest:.1%}"),
-    ("splits' mean", "{mean:.1%}"),
-    ("worst", "{worst:.1%}"),
+    "compared {space} {signature} | protocol {protocol} | motions {motions} | nearest {nearest:.1%} | 95 % {sure} | "
+    "of two {two_nearest:.1%} | splits' mean {mean:.1%} | worst {worst:.1%}"
 )
 #: Classes whose matrix has room in a terminal.
 _MOST = 16
@@ -57,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help=text)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the paper's experiment and print the results; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the paper's experiment and print the results."""
     for output in filter(None, (options.answers, options.picture)):
         console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
@@ -86,11 +80,10 @@ def run(options: argparse.Namespace) -> int:
     if plot:
         _draw(plot.Figure, options.picture, np.unique(labels.classes).tolist(), matrices)
     if options.json:
-        print_json(scores)
+        console.print_json(scores)
     else:
         _print(clips, scores)
         _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))
-    return 0
 
 
 def _motions(options: argparse.Namespace) -> Sequence[Clip]:
@@ -194,8 +187,7 @@ def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]],
         (f"{place} {name}", str(count), *(f"{matrix[place - 1, place - 1]:.0%}" for matrix in matrices.values()))
         for place, (name, count) in enumerate(zip(classes.tolist(), counts.tolist(), strict=True), 1)
     ]
-    headings = ("class", "motions", *matrices)
-    console.console.print(console.table_of(f"Right by class ({how})", headings, rows))
+    console.console.print(console.table_of(f"Right by class ({how})", ("class", "motions", *matrices), rows))
     if len(classes) > _MOST:
         console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
         return

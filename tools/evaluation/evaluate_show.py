@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_report(parser)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> None:
     """Draw shows, play them, and print how rightly the gestures were said."""
     settings, everyday, library = arguments.settings_of(options), _everyday(options), MotionLibrary.builtin()
     library = library.restricted_to(harness.shared_joints([library.skeleton, *(each.skeleton for each in everyday)]))
@@ -89,13 +89,12 @@ def run(options: argparse.Namespace) -> int:
     title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
     when = "delay: from a gesture's end to done, from its beginning to start"
     caption = f"{counted(options.shows, 'show')}; {harness.written(share)} of the time named; {when}"
-    return report(heard, options, title, caption, {"named": share, "shows": options.shows})
+    report(heard, options, title, caption, {"named": share, "shows": options.shows})
 
 
 def played(show: Show, settings: Settings) -> list[Recognition]:
     """Teach a show's examples, in metrics learned without the performer, and play it."""
-    taught = MotionLibrary.of_clips(show.examples)
-    index = open_taught(taught, {show.performer})
+    index = open_taught(MotionLibrary.of_clips(show.examples), {show.performer})
     positions = show.positions[:, index.library.skeleton.order_from(show.examples[0].skeleton.joints)]
     times = np.arange(len(positions)) / _RATE
     return harness.answers_to(harness.Feed(times, positions, index.library.skeleton), index, settings)

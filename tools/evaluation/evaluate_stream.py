@@ -12,13 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
-from kinespace.tools.cli.console import progress, require_place_for_report
+from kinespace.tools.cli.console import print_json, progress, require_place_for_report
 from kinespace.tools.evaluation import harness, stream_score
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
@@ -44,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Replay takes, score the answers, and print the results; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Replay takes, score the answers, and print the results."""
     for file in filter(None, (options.answers, options.segments)):
         require_place_for_report(file, options)
     asked, classes = harness.asked_of(options)
@@ -53,7 +52,9 @@ def run(options: argparse.Namespace) -> int:
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
-    courses = _courses(asked, classes, options)
+    without = Kind(options.without_part) if options.without_part else None
+    settings, played = settings_of(options), progress(asked, "Replaying", len(asked))
+    courses = [course(each.take, _compared(each.library, without), classes, settings) for each in played]
     score = stream_score.score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
     if annotates:
@@ -63,24 +64,11 @@ def run(options: argparse.Namespace) -> int:
     if options.segments:
         stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
     if options.json:
-        scored = score.as_json(by_person=by_person)
-        harness.print_json(scored | ({"persons": persons, **_over(persons)} if persons else {}))
-        return 0
+        print_json(score.as_json(by_person=by_person) | ({"persons": persons, **_over(persons)} if persons else {}))
+        return
     stream_score.print_score(score, by_person=by_person)
     if persons:
         stream_score.print_persons(persons, _over(persons), harness.protocol_of(options))
-    return 0
-
-
-def _courses(
-    asked: Sequence[harness.Asked], classes: Sequence[str], options: argparse.Namespace
-) -> list[stream_score.Course]:
-    """Replay every take against the library that it asks."""
-    without = Kind(options.without_part) if options.without_part else None
-    settings, courses = settings_of(options), list[stream_score.Course]()
-    for each in progress(asked, "Replaying", len(asked)):
-        courses.append(course(each.take, _compared(each.library, without), classes, settings))
-    return courses
 
 
 def course(

@@ -12,14 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.teaching.movement import moved_in
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.cli.console import counted, note, print_scores, progress
+from kinespace.tools.cli.console import counted, note, print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.harness import Take
@@ -37,13 +36,9 @@ _SLOW = 0.4
 #: Seconds of a time of standing still, and how far a joint may be from its mean in them, metres.
 _STOOD, _STAYS = 2.0, 0.05
 _COLUMNS = (
-    ("examples", "{examples}"),
-    ("same person", "{same_first_right:.1%}"),
-    ("delay", "{delay_s:.2f}"),
-    ("false a minute", "{false_per_minute:.2f}"),
-    ("another person", "{other_first_right:.1%}"),
-    ("delay", "{other_delay_s:.2f}"),
-    ("false a minute", "{other_false_per_minute:.2f}"),
+    "examples {examples} | same person {same_first_right:.1%} | delay {delay_s:.2f} | "
+    "false a minute {false_per_minute:.2f} | another person {other_first_right:.1%} | delay {other_delay_s:.2f} | "
+    "false a minute {other_false_per_minute:.2f}"
 )
 
 
@@ -116,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         motions = [clip for each in by_person.values() for _, clip in each]
         whole = {"persons": len(teachers), "draws": options.draws}
-        harness.print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
+        print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
         return 0
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"

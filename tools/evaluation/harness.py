@@ -3,11 +3,8 @@
 All evaluations share this.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,26 +17,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import (
-    NOTHING,
-    Clip,
-    MotionLibrary,
-    Reading,
-    Skeleton,
-    SkeletonMismatchError,
-    WindowIndex,
-    find_recordings,
-    memory,
-)
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, Skeleton, WindowIndex, find_recordings, memory
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
+from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.windows.segments import mirrored
 from kinespace.stream import Frame, Recognition, Recognizer, Settings
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.arguments import joints_of
 from kinespace.tools.cli.console import NameNotes, note, progress
 
 _COLUMNS = ("file", "subject", "contains", "perhaps")
@@ -167,7 +154,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
         persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
         raise ValueError(f"--subjects: expected persons with takes, got {persons}")
     if sources.skeleton:
-        joints = joints_of(sources.skeleton)
+        joints = arguments.joints_of(sources.skeleton)
         takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
     return _with_distinct_names(_with_labels(takes, sources.names))
 
@@ -377,7 +364,7 @@ class Feed(NamedTuple):
     skeleton: Skeleton
 
     @classmethod
-    def of(cls, clip: Clip, skeleton: Skeleton, delivered: NDArray[np.int64] | None = None) -> Feed:
+    def of(cls, clip: Clip, skeleton: Skeleton, delivered: NDArray[np.int64] | None = None) -> "Feed":
         """Give a clip's frames, or those that a sensor delivered, in the order of a skeleton's joints."""
         ordered, shown = clip.as_of(skeleton), slice(None) if delivered is None else delivered
         return cls(ordered.times[shown], ordered.positions[shown], skeleton)
@@ -455,10 +442,9 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     given = None
     if protocol is Protocol.LIBRARY or not sources:
         given = arguments.library_at(options.library)
-        given = given.restricted_to(joints_of(options.skeleton)) if options.skeleton else given
+        given = given.restricted_to(arguments.joints_of(options.skeleton)) if options.skeleton else given
     takes = takes_at(sources, options, given or MotionLibrary.builtin())
-    of_library = [given.skeleton] if given else []
-    joints = shared_joints([*(take.clip.skeleton for take in takes), *of_library])
+    joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else ())])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
 
     def library() -> MotionLibrary:
@@ -509,11 +495,6 @@ def pushed(recognizer: Recognizer, feed: Feed) -> Iterator[tuple[float, Recognit
 def answers_to(feed: Feed, compared: MotionLibrary | WindowIndex, settings: Settings) -> list[Recognition]:
     """Push frames into a recogniser of their own; give its answers."""
     return [answer for _, answer in pushed(Recognizer(compared, settings), feed) if answer is not None]
-
-
-def print_json(value: object) -> None:
-    """Print one JSON value."""
-    print(json.dumps(value))
 
 
 def written(value: float | None, form: str = "{:.1%}") -> str:

@@ -5,8 +5,6 @@ a known motion, and keeps them in the library's file. Figures come from persons 
 saved numbers are fitted on all. Takes of bodies with fewer joints teach the numbers for such bodies.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections import defaultdict
@@ -23,18 +21,17 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
-from kinespace.library import NOTHING, Clip, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.library_file import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import Judgement
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import print_scores, progress, require_place_for
+from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
@@ -71,10 +68,8 @@ _EVERYDAY_AXES, _EVERYDAY_GROUPS, _EVERYDAY_WINDOWS, _EVERYDAY_LEAST = 64, 256, 
 _SHRINKING = 0.005
 
 _COLUMNS = (
-    ("sensitivity", "{rate:g}"),
-    ("unknown time named", "{unknown_named:.1%}"),
-    ("starts a minute", "{starts_per_minute:.1f}"),
-    ("takes whose motion is named", "{takes_found:.0%}"),
+    "sensitivity {rate:g} | unknown time named {unknown_named:.1%} | starts a minute {starts_per_minute:.1f} | "
+    "takes whose motion is named {takes_found:.0%}"
 )
 
 _SHAPE = 2 * len(ACROSS_LABORATORIES.groups)
@@ -135,8 +130,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_shared(parser, "--overwrite", "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Learn, save the library with the learned numbers, and print their figures; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Learn, save the library with the learned numbers, and print their figures."""
     require_place_for(options.output, overwrite=options.overwrite)
     library = arguments.library_at(options.library)
     sources = Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects)
@@ -168,8 +163,8 @@ def run(options: argparse.Namespace) -> int:
     keeping_lessons(replace(library, learned=Learned(learned))).save(options.output)
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
-        harness.print_json(rows)
-        return 0
+        print_json(rows)
+        return
     unknown = [each.take.clip.duration for each in courses if each.is_unknown]
     containing = sum(bool(each.take.contains) for each in courses)
     title = (
@@ -177,7 +172,6 @@ def run(options: argparse.Namespace) -> int:
         f"{len({each.take.person for each in courses})} subjects, each judged by numbers fitted on others"
     )
     print_scores(rows, _COLUMNS, title=title, names=0)
-    return 0
 
 
 def _require_others(library: MotionLibrary) -> None:
@@ -243,7 +237,7 @@ class _Body(NamedTuple):
     fewer: list[_Course]
 
     @classmethod
-    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> _Body:
+    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> "_Body":
         """Let takes, and takes that have no other joints, be recognised."""
         opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
         typical = opened.rejection.typical
@@ -301,8 +295,7 @@ def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
 
 def _index(library: MotionLibrary) -> WindowIndex:
     """Open a library for asking; its rejection is not used yet."""
-    index = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
-    return replace(index, judged_by=_NOTHING_LEARNED)
+    return replace(WindowIndex.of(library, weighing=ACROSS_LABORATORIES), judged_by=_NOTHING_LEARNED)
 
 
 def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:

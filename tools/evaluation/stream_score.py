@@ -540,8 +540,7 @@ _WHOLE = {
     "doubted": ("share of their time in which joints are doubted", _SHARE),
     "unlike": ("takes whose body was found unlike the library's", _SHARE),
 }
-_RIGHT = ("right", "{right:.1%}"), ("right, last second inside", "{right_inside:.1%}")
-_CLASSES = (("class", "{name}"), ("seconds", "{seconds:.1f}"), *_RIGHT)
+_CLASSES = "class {name} | seconds {seconds:.1f} | right {right:.1%} | right, last second inside {right_inside:.1%}"
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
@@ -562,8 +561,7 @@ def print_score(score: StreamScore, *, by_person: bool = False) -> None:
     headings = "", "", "95 %, by person" if by_person else "95 %"
     console.print(table_of("Answers against the motion performed at that moment", headings, rows))
     if score.classes:
-        by_class = ({"name": name, **each} for name, each in score.classes.items())
-        print_scores(by_class, _CLASSES, title="By class")
+        print_scores(({"name": name, **each} for name, each in score.classes.items()), _CLASSES, title="By class")
 
 
 def print_persons(

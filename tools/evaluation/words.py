@@ -147,13 +147,8 @@ KINDS = ("done", "start")
 _ROUNDED = 0.001
 #: How a table of both kinds is written.
 COLUMNS = (
-    ("said by", "{name}"),
-    ("F1", "{f1:.1%}"),
-    ("95 %", "{interval}"),
-    ("found", "{found:.1%}"),
-    ("right", "{right:.1%}"),
-    ("false an hour", "{false_per_hour:.1f}"),
-    ("delay", "{delay_s:.2f} s"),
+    "said by {name} | F1 {f1:.1%} | 95 % {interval} | found {found:.1%} | right {right:.1%} | "
+    "false an hour {false_per_hour:.1f} | delay {delay_s:.2f} s"
 )
 
 

@@ -1,7 +1,5 @@
 """Positions of an LSL stream sent as frames to a port of this machine, as any sender would."""
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Sequence
@@ -36,7 +34,7 @@ class Layout(NamedTuple):
     metres: float
 
     @classmethod
-    def of(cls, labels: Sequence[str], types: Sequence[str], units: Sequence[str]) -> Layout:
+    def of(cls, labels: Sequence[str], types: Sequence[str], units: Sequence[str]) -> "Layout":
         """Read the descriptions of a stream's channels, each empty where the stream says nothing.
 
         Raises

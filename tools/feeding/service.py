@@ -10,10 +10,11 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple
 
 import zmq
 
@@ -27,7 +28,7 @@ from kinespace.tools.cli.entry import check_interrupted
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.feeding import echo
 from kinespace.tools.feeding.echo import ANY, LOOPBACK
-from kinespace.tools.feeding.feed import Cue, FrameSender, OscFrameSender, Packet, ZmqFrameSender
+from kinespace.tools.feeding.feed import Cue, FrameSender, OscFrameSender, Pace, Packet, ZmqFrameSender
 
 #: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.
 _SHORT_SLEEP = 5e-5
@@ -82,6 +83,42 @@ class Listener:
         """Give the sockets back."""
         for receiver in self._receivers:
             receiver.close()
+
+
+#: Seconds after the last frame in which answers may still come: fewer than of the silence that ends a motion.
+_LINGER = 0.7
+
+
+class Played(NamedTuple):
+    """What was sent and received; moments as `time.perf_counter` reads them.
+
+    Attributes
+    ----------
+    begun
+        When the schedule began.
+    sent
+        For each sender, when each frame was sent.
+    received
+        The packets that came back.
+    """
+
+    begun: float
+    sent: list[list[float]]
+    received: list[Received]
+
+
+def play(cues: Iterable[Cue], senders: Sequence[FrameSender], listener: Listener, apart: float = 0.0) -> Played:
+    """Send every frame when it is due, by further senders so many seconds apart; collect all that comes back."""
+    pace, sent, received = Pace(), [list[float]() for _ in senders], list[Received]()
+    for cue in cues:
+        packets = [sender.encode(cue) for sender in senders]
+        for place, (sender, packet) in enumerate(zip(senders, packets, strict=True)):
+            received += listener.listen_until(pace.moment(cue.due + place * apart))
+            # Before the call, because the answer may be on its way before the call returns.
+            sent[place].append(time.perf_counter())
+            sender.send(packet)
+    received += listener.listen_until(time.perf_counter() + _LINGER)
+    return Played(pace.moment(0.0), sent, received)
 
 
 def answer_in(packet: Packet) -> Answer | None:
@@ -167,7 +204,7 @@ class Place(NamedTuple):
     answers: str
 
 
-class Program:
+class Program(AbstractContextManager["Program"]):
     """A running `kinespace`; a context manager that kills it at the end, also when it is stopped.
 
     Parameters
@@ -191,9 +228,6 @@ class Program:
                 stderr=subprocess.STDOUT,
                 preexec_fn=_end_with_parent if sys.platform == "linux" else None,  # noqa: PLW1509 - no thread of ours holds a lock
             )
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.process.kill()
@@ -238,77 +272,21 @@ _MAX_START = 60.0
 _GREET_EVERY = 50
 
 
+@dataclass(frozen=True, slots=True)
 class BackgroundService:
-    """`kinespace live`, or an echo, in its own process on this machine; a context manager that ends it.
-
-    Parameters
-    ----------
-    transport
-        "osc" or "zmq".
-    library
-        The library to recognise with; the built-in library when not given.
-    settings
-        Of the recognisers.
-    echo
-        Send every packet back unread instead, to measure the cost of everything around a recogniser.
-    performers
-        The number of performers at once, at most.
+    """`kinespace live`, or an echo, in its own process on this machine.
 
     Attributes
     ----------
     process_id
-        The number of the process, once it runs.
-
-    Raises
-    ------
-    ChildProcessError
-        The process ended before it began; the message says why.
+        The number of the process.
     """
 
-    def __init__(
-        self,
-        transport: Transport,
-        *,
-        library: MotionLibrary | None = None,
-        settings: Settings | None = None,
-        echo: bool = False,
-        performers: int = 32,
-    ) -> None:
-        self._opened = ExitStack()
-        self._transport, self._echo, self._performers = transport, echo, performers
-        self._library, self._settings = library, settings
-        self.process_id = 0
-
-    def __enter__(self) -> Self:
-        with ExitStack() as opened:
-            self._receiver = osc.OscReceiver(LOOPBACK, 0) if self._transport == "osc" else None
-            port = self._receiver.address[1] if self._receiver else 0
-            if self._receiver:
-                opened.callback(self._receiver.close)
-            echoing = Program(f"{port}", module=echo.__name__) if self._echo else None
-            program = opened.enter_context(echoing or Program("live", *self._command(opened, port)))
-            self.process_id = program.process.pid
-            found = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);")
-            self._frames_to, self._answers_at = found.groups()
-            self._opened = opened.pop_all()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._opened.close()
-
-    def _command(self, opened: ExitStack, port: int) -> list[str]:
-        """Give the arguments of `kinespace live`, which answers to a port, or by ZeroMQ where it is 0."""
-        if port:
-            ends = [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"]
-        else:
-            ends = [f"--zmq-in={ANY}", f"--zmq-out={ANY}"]
-        command = ["--plain", "--performers", f"{self._performers}", *ends]
-        command += arguments_of(self._settings) if self._settings else []
-        if self._library:
-            file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"
-            self._library.save(file, compressed=False)
-            command += ["--library", f"{file}"]
-        return command
+    process_id: int
+    _frames_to: str
+    _answers_at: str
+    _receiver: osc.OscReceiver | None
+    _echoes: bool
 
     def connect(self) -> tuple[FrameSender, Receiver]:
         """Open a sender of frames to the service and a receiver of its answers, and check that both reach it.
@@ -330,6 +308,54 @@ class BackgroundService:
             receiver.socket.poll(_GREET_EVERY)
             while (parts := receiver.receive()) is not None:
                 # A greeting came back, or a status counts it.
-                if self._echo or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
+                if self._echoes or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
                     return sender, receiver
         raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
+
+
+@contextmanager
+def background_service(
+    transport: Transport,
+    *,
+    library: MotionLibrary | None = None,
+    settings: Settings | None = None,
+    echoes: bool = False,
+    performers: int = 32,
+) -> Iterator[BackgroundService]:
+    """Start `kinespace live`, or an echo, in its own process on this machine, and end it.
+
+    Parameters
+    ----------
+    transport
+        "osc" or "zmq".
+    library
+        The library to recognise with; the built-in library when not given.
+    settings
+        Of the recognisers.
+    echoes
+        Send every packet back unread instead, to measure the cost of everything around a recogniser.
+    performers
+        The number of performers at once, at most.
+
+    Raises
+    ------
+    ChildProcessError
+        The process ended before it began; the message says why.
+    """
+    with ExitStack() as opened:
+        receiver = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0))) if transport == "osc" else None
+        port = receiver.address[1] if receiver else 0
+        to_osc, to_zmq = (
+            (f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"),
+            (f"--zmq-in={ANY}", f"--zmq-out={ANY}"),
+        )
+        command = ["--plain", "--performers", f"{performers}", *(to_osc if receiver else to_zmq)]
+        command += arguments_of(settings) if settings else []
+        if library:
+            file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"
+            library.save(file, compressed=False)
+            command += ["--library", f"{file}"]
+        started = Program(f"{port}", module=echo.__name__) if echoes else Program("live", *command)
+        program = opened.enter_context(started)
+        frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
+        yield BackgroundService(program.process.pid, frames_to, answers_at, receiver, echoes)

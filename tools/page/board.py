@@ -6,7 +6,7 @@ and answers the newest, of motions and notices all of the last minute.
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from typing import Any
@@ -17,7 +17,7 @@ from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.recognition import GONE, EventKind
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import UNDONE, Step
-from kinespace.stream.zeromq.messages import BodyHeader, decode_body
+from kinespace.stream.zeromq.messages import BodyHeader, SentAnswer, decode_body
 from kinespace.tools.cli.live_table import counted, promise, said_of
 
 #: Performers that are shown, at most; further ones are counted.
@@ -29,17 +29,6 @@ _SILENT = 10.0
 #: Seconds for which entries are kept: longer than they are shown, so that they leave by the edge.
 _KEPT = SHOWN + 5.0
 _MAX_NOTICES, _MAX_DONE, _MAX_CHECKED = 32, 64, 16
-
-
-class _Answer(msgspec.Struct, rename={"label": "class"}):
-    performer: str
-    label: str | None
-    guess: str | None
-    outcome: str
-    score: float = 0.0
-    margin: float = 0.0
-    scores: dict[str, float] = {}
-    progress: dict[str, str | float] | None = None
 
 
 class _Event(msgspec.Struct, rename={"label": "class"}):
@@ -71,7 +60,7 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_KINDS = {"class": _Answer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
+_KINDS = {"class": SentAnswer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
 _encode = msgspec.json.Encoder().encode
 
@@ -117,8 +106,7 @@ class _Performer:
         """End the motion that goes on, as long as the sender's clock says: an end is told late when a feed pauses."""
         for motion in self.motions:
             if motion.end is None:
-                lasted = ended - motion.started
-                motion.end, motion.number = min(motion.begin + max(lasted, 0.0), now), number
+                motion.end, motion.number = min(motion.begin + max(ended - motion.started, 0.0), now), number
 
 
 class Board:
@@ -143,7 +131,7 @@ class Board:
         #: The examples that are being checked: the performer, begin and end in seconds on our clock.
         self._checking: deque[tuple[str, float, float]] = deque(maxlen=_MAX_CHECKED)
 
-    def take(self, parts: Sequence[bytes], now: float) -> None:
+    def take(self, parts: Sequence[bytes], now: float) -> None:  # noqa: C901 - a line each
         """Take in one message of the recogniser; count a message that cannot be read."""
         kind = parts[0].partition(b"/")[0].decode(errors="replace") if parts else ""
         try:
@@ -155,12 +143,16 @@ class Board:
             return
         self.number += 1
         match message:
-            case name, BodyHeader() as header, positions:
-                self._take_body(name, header, positions, now)
-            case _Answer():
-                self._take_answer(message, now)
-            case _Event() | _Done():
-                self._take_event(message, now)
+            case name, BodyHeader() as header, positions if performer := self._performer(name, now):
+                self._take_body(performer, header, positions)
+            case SentAnswer() if message.outcome == GONE:
+                self._forget(message.performer)
+            case SentAnswer() if performer := self._performer(message.performer, now):
+                self._take_answer(performer, message, now)
+            case _Event() if performer := self._performer(message.performer, now):
+                self._take_event(performer, message, now)
+            case _Done(who, name, times, duration) if performer := self._performer(who, now):
+                performer.done.append((self.number, name, times, now - duration, now))
             case _Classes():
                 if message.classes != self._classes.shown:
                     self._classes = _Noted(message.classes, self.number)
@@ -176,17 +168,11 @@ class Board:
                 self._further[name] = now
                 return None
             performer = self._performers[name] = _Performer(now)
-            self._note_performers()
+            self._here = _Noted([*self._performers], self.number)
         performer.arrived = now
         return performer
 
-    def _note_performers(self) -> None:
-        self._here = _Noted([*self._performers], self.number)
-
-    def _take_body(self, name: str, header: BodyHeader, positions: bytes, now: float) -> None:
-        performer = self._performer(name, now)
-        if performer is None:
-            return
+    def _take_body(self, performer: _Performer, header: BodyHeader, positions: bytes) -> None:
         performer.body = _Noted((header.joints, positions), self.number)
         if header.names:
             skeleton = {"names": header.names, "parents": header.parents or ()}
@@ -195,13 +181,7 @@ class Board:
         if header.carried:
             performer.carried = _Noted({"joints": header.carried, "pairs": header.pairs}, self.number)
 
-    def _take_answer(self, answer: _Answer, now: float) -> None:
-        if answer.outcome == GONE:
-            self._forget(answer.performer)
-            return
-        performer = self._performer(answer.performer, now)
-        if performer is None:
-            return
+    def _take_answer(self, performer: _Performer, answer: SentAnswer, now: float) -> None:
         known = dict.fromkeys([*self._classes.shown, *answer.scores])
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
@@ -214,13 +194,7 @@ class Board:
         while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
             performer.guesses.popleft()
 
-    def _take_event(self, event: _Event | _Done, now: float) -> None:
-        performer = self._performer(event.performer, now)
-        if performer is None:
-            return
-        if isinstance(event, _Done):
-            performer.done.append((self.number, event.label, event.count, now - event.duration, now))
-            return
+    def _take_event(self, performer: _Performer, event: _Event, now: float) -> None:
         performer.close(event.t, now, self.number)
         if event.event == EventKind.START:
             motion = _Motion(next(self._keys), event.label, now, None, self.number, started=event.t)
@@ -263,7 +237,7 @@ class Board:
 
     def _forget(self, name: str) -> None:
         if self._performers.pop(name, None):
-            self._note_performers()
+            self._here = _Noted([*self._performers], self.number)
 
     def take_command(self, command: Mapping[str, object], now: float) -> None:
         """Take in a page's command: a span of the past that becomes an example has its bar there."""
@@ -278,7 +252,7 @@ class Board:
             self.number += 1
             self._control = _Noted(control, self.number)
 
-    def news(self, seen: int, now: float, replies: Sequence[object] = ()) -> bytes:
+    def news(self, seen: int, now: float, replies: Iterable[object] = ()) -> bytes:
         """Encode all that is newer than a number: bytes of JSON (u32), the JSON, spaces up to a multiple of 4, bodies.
 
         Parameters

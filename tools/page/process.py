@@ -3,12 +3,12 @@
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
 import msgspec
@@ -143,16 +143,12 @@ class Plan(ABC):
         """
         with ExitStack() as opened:
             keyring = opened.enter_context(Keyring(self.keys)) if self.keys else None
-            subscription = opened.enter_context(closing(Subscription(_to(self.source), keyring)))
+            subscription = opened.enter_context(closing(Subscription(Endpoint.parse(self.source, bind=False), keyring)))
             self.server(subscription, keyring).serve(self.address, self.option, started, wants_end)
 
     @abstractmethod
     def server(self, subscription: Subscription, keyring: Keyring | None) -> Any:  # noqa: ANN401 - slow to load
         """Make the server (`server.ClientServer`)."""
-
-
-def _to(address: str) -> Endpoint:
-    return Endpoint.parse(address, bind=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,11 +168,12 @@ class PagePlan(Plan):
         """Make the page's server."""
         from kinespace.tools.page.server import Gate, PageServer  # noqa: PLC0415 - this process alone needs it
 
-        control = partial(ask_control, _to(self.control), keyring) if self.control else None
+        to = self.control and Endpoint.parse(self.control, bind=False)
+        control = partial(ask_control, to, keyring) if to else None
         return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]))
 
 
-class PageProcess:
+class PageProcess(AbstractContextManager["PageProcess"]):
     """A page, or another server of browsers, in a process that is started again once when it dies; a context manager.
 
     Parameters
@@ -208,9 +205,6 @@ class PageProcess:
     def _begin(self, plan: Plan) -> None:
         self._child = Child(plan.name, _serve, plan, max_end=_MAX_END)
         self.address = self._child.said
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         with self._lock:

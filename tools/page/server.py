@@ -10,8 +10,6 @@ or binary, the msgpack map of ZeroMQ. An answer is text: ZeroMQ's JSON with its 
 the client whose frame cannot be read.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ipaddress
 import re
@@ -34,6 +32,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
@@ -113,7 +112,7 @@ class Gate:
     names: frozenset[str] = frozenset({"localhost"})
 
     @classmethod
-    def for_host(cls, host: str) -> Gate:
+    def for_host(cls, host: str) -> "Gate":
         """Ask for a token where other machines can reach us."""
         try:
             alone = ipaddress.ip_address(host).is_loopback
@@ -134,18 +133,18 @@ class Gate:
         headers
             By lower-case name.
         """
-        host = headers.get("host", "")
+        host, path = headers.get("host", ""), target.partition("?")[0]
         if not self.knows(host):
             return refusal(403, "this name is not ours")
-        path, _, query = target.partition("?")
         if path != SOCKET:
             return static_file(path, host)
         if headers.get("origin") != f"http://{host}":
             return refusal(403, "not our page")
-        return self.checked(parse_qs(query).get("token", [""])[0])
+        return self.checked(target)
 
-    def checked(self, shown: str) -> Response | None:
-        """Refuse a wrong token; None for the right one, or where none is needed."""
+    def checked(self, target: str) -> Response | None:
+        """Refuse a wrong token in a path's query; None for the right one, or where none is needed."""
+        shown = parse_qs(target.partition("?")[2]).get("token", [""])[0]
         if self.token and not secrets.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return refusal(401, "the address that kinespace printed has a token")
         return None
@@ -154,11 +153,9 @@ class Gate:
         """Say whether a name, perhaps with a port, is an address or a name of ours."""
         if not re.fullmatch(r"[\w.:\[\]-]+", host, re.ASCII):
             return False
+        name = ""
         try:
             name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        try:
             ipaddress.ip_address(name)
         except ValueError:
             return name in self.names
@@ -269,9 +266,8 @@ class ClientServer(ABC, Generic[_Client]):
         self._clients.add(client)
         sending = asyncio.create_task(self.send(connection, client))
         try:
-            await self.receive(connection, client)
-        except ConnectionClosed:
-            pass
+            with suppress(ConnectionClosed):
+                await self.receive(connection, client)
         finally:
             self._clients.discard(client)
             sending.cancel()
@@ -283,7 +279,7 @@ class ClientServer(ABC, Generic[_Client]):
 
     @abstractmethod
     async def send(self, connection: ServerConnection, client: _Client) -> None:
-        """Send a client what comes for it."""
+        """Send a client what comes for it, until it is cancelled or the connection is closed."""
 
     @abstractmethod
     async def receive(self, connection: ServerConnection, client: _Client) -> None:
@@ -357,10 +353,7 @@ class PageServer(ClientServer[_Page]):
                 self._stale = True
         if self.board.number != before:
             self._wake()
-        self._ask_for_state()
-
-    def _ask_for_state(self) -> None:
-        """Ask the control again while it has not replied: it may have come later than we, or again."""
+        # Again while the control has not replied: it may have come later than we, or again.
         if self._stale and self._control and self._clients and (self._asking is None or self._asking.done()):
             self._asking = asyncio.create_task(self._ask({"do": "list"}))
 
@@ -384,27 +377,24 @@ class PageServer(ClientServer[_Page]):
                 if message.ack is not None:
                     client.acknowledged(message.ack)
                 if message.ask is not None:
-                    reply = await self._ask(message.ask)
-                    # Only now: other messages take the page's replies along while this one is asked.
-                    client.replies.append(reply)
+                    # Other messages take the page's replies along while this one is asked.
+                    client.replies.append(await self._ask(message.ask))
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])
 
     async def send(self, connection: ServerConnection, client: _Page) -> None:
         """Send the new entries whenever the page has drawn the last message."""
-        with suppress(ConnectionClosed):
-            while True:
-                await client.ready.wait()
-                await client.woken.wait()
-                client.woken.clear()
-                replies = [*client.replies]
-                client.replies.clear()
-                message = self.board.news(client.seen, self._clock(), replies)
-                client.sent = self.board.number
-                client.ready.clear()
-                await connection.send(message)
-                await asyncio.sleep(_PACE)
+        while True:
+            await client.ready.wait()
+            await client.woken.wait()
+            client.woken.clear()
+            message = self.board.news(client.seen, self._clock(), client.replies)
+            client.replies.clear()
+            client.sent = self.board.number
+            client.ready.clear()
+            await connection.send(message)
+            await asyncio.sleep(_PACE)
 
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control socket; every page gets the changes."""
@@ -424,25 +414,15 @@ def _refused(reason: str) -> dict[str, Any]:
     return {"performer": "", "state": "refused", "seconds": 0.0, "reason": reason}
 
 
-class _Place(msgspec.Struct):
-    """A joint's place by its axes."""
-
-    x: float | None
-    y: float | None
-    z: float | None
-
-
 class _Sent(msgspec.Struct):
     """A frame as a browser sends it."""
 
     performer: str
-    positions: list[tuple[float | None, float | None, float | None] | _Place | None]
+    positions: list[Place]
     t: float | None = None
     joints: list[str] | None = None
 
 
-#: The place of a joint that is lost.
-_NOWHERE = (None, None, None)
 _read_frame = msgspec.json.Decoder(_Sent).decode
 
 
@@ -460,9 +440,8 @@ def packed(message: str | bytes) -> tuple[bytes, str]:
     except (ValueError, RecursionError) as error:
         told = msgspec.json.encode({"type": "error", "text": f"no frame is read: {error}"}).decode()
         return message.encode(errors="replace"), told
-    places = [(each.x, each.y, each.z) if isinstance(each, _Place) else each or _NOWHERE for each in sent.positions]
     with np.errstate(over="ignore"):
-        positions = np.array(places, dtype=np.float64).astype("<f4").reshape(-1, 3)
+        positions = np.array([*map(axes_of, sent.positions)], dtype=np.float64).astype("<f4").reshape(-1, 3)
     header = {"v": VERSION, "performer": sent.performer, "t": sent.t or 0.0, "shape": positions.shape, "dtype": "<f4"}
     joints = {} if sent.joints is None else {"joints": sent.joints}
     return msgspec.msgpack.encode(header | joints | {"data": positions.tobytes()}), ""
@@ -505,7 +484,7 @@ class SocketPlan(Plan):
     origins: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()
 
-    def server(self, subscription: Subscription, keyring: Keyring | None) -> SocketServer:
+    def server(self, subscription: Subscription, keyring: Keyring | None) -> "SocketServer":
         """Make the server of WebSocket clients."""
         return SocketServer(subscription, self, keyring)
 
@@ -520,7 +499,7 @@ def answer(gate: Gate, origins: Sequence[str], target: str, headers: Mapping[str
         return refusal(403, "this name is not ours")
     if origin is not None and origin not in origins and not _is_near(origin, host):
         return refusal(403, f"a page of another site, {origin[:100]}: --ws-origin lets it in")
-    return gate.checked(parse_qs(urlsplit(target).query).get("token", [""])[0])
+    return gate.checked(target)
 
 
 def _is_near(origin: str, host: str) -> bool:
@@ -585,9 +564,8 @@ class SocketServer(ClientServer[_Listener]):
 
     async def send(self, connection: ServerConnection, client: _Listener) -> None:
         """Send a client the answers that wait, in their order."""
-        with suppress(ConnectionClosed):
-            while True:
-                await client.woken.wait()
-                client.woken.clear()
-                while client.waiting:
-                    await connection.send(client.waiting.popleft())
+        while True:
+            await client.woken.wait()
+            client.woken.clear()
+            while client.waiting:
+                await connection.send(client.waiting.popleft())

@@ -3,8 +3,6 @@
 Times every step, and the way over sockets, on real motions. Everything takes five minutes.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import json
@@ -12,7 +10,7 @@ import math
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, nullcontext
 from itertools import count, islice
 from pathlib import Path
@@ -27,23 +25,19 @@ from kinespace.library import MotionLibrary, compiled
 from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Recognizer, Settings, osc, zeromq
 from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.cli.console import console, progress, say, table_of
-from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
-from kinespace.tools.feeding.service import BackgroundService, Listener, Received, Transport, answer_in
+from kinespace.tools.feeding.feed import Cue, without_pause
+from kinespace.tools.feeding.service import Listener, Transport, answer_in, background_service, play
 from kinespace.tools.programs import latency
 
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0
-#: Every eighth of the library's motions is played, so that there are some of each class.
-_EVERY = 8
 #: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
 CROWD = 40
-#: Seconds after the last frame in which answers may still come: fewer than of the silence that ends a motion.
-_LINGER = 0.7
 
 
 def positions() -> NDArray[np.float32]:
     """Give every eighth motion of the built-in library: shape (frames, 31, 3), metres, 120 frames per second."""
-    return without_pause(MotionLibrary.builtin().motions[::_EVERY], FRAME_RATE)
+    return without_pause(MotionLibrary.builtin().motions[:: latency.EVERY], FRAME_RATE)
 
 
 def endless(positions: NDArray[np.floating], performer: str = "bench", begin: int = 0) -> Iterator[Frame]:
@@ -64,7 +58,7 @@ class Feed(NamedTuple):
     answers: list[Recognition]
 
     @classmethod
-    def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> Feed:
+    def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> "Feed":
         """Make a feed of positions, shape (frames, joints, 3), metres, 120 a second, and recognise it."""
         moments, shift = round(seconds * FRAME_RATE), len(positions) // performers + 1
         each = [list(islice(endless(positions, f"p{index}", index * shift), moments)) for index in range(performers)]
@@ -78,38 +72,6 @@ class Feed(NamedTuple):
     def cues(self) -> list[Cue]:
         """Cue all frames of a moment at once."""
         return [Cue(k / FRAME_RATE, frame, k) for k, together in enumerate(self.frames) for frame in together]
-
-
-class Played(NamedTuple):
-    """What was sent and received; moments as `time.perf_counter` reads them.
-
-    Attributes
-    ----------
-    begun
-        When the schedule began.
-    sent
-        When each frame was sent, by performer and the time in it; for frames sent twice the first.
-    received
-        The packets that came back.
-    """
-
-    begun: float
-    sent: dict[tuple[str, float], float]
-    received: list[Received]
-
-
-def play(cues: Iterable[Cue], sender: FrameSender, listener: Listener) -> Played:
-    """Send frames on schedule, and collect what comes back meanwhile and shortly afterwards."""
-    pace = Pace()
-    played = Played(pace.moment(0.0), {}, [])
-    for cue in cues:
-        packet = sender.encode(cue)
-        played.received.extend(listener.listen_until(pace.moment(cue.due)))
-        # Before the call, because the answer may be on its way before the call returns.
-        played.sent.setdefault((cue.frame.performer, cue.frame.time), time.perf_counter())
-        sender.send(packet)
-    played.received.extend(listener.listen_until(time.perf_counter() + _LINGER))
-    return played
 
 
 def core_seconds(process_id: int) -> float:
@@ -189,13 +151,10 @@ def measure_stages(_: float) -> Measured:
         jobs[name + _NUMPY] = pushing(library, played, settings, by_numpy=True)
     us = {name: float(np.median(each)) for name, each in in_turns(jobs, ROUNDS, "Stages").items()}
     figures = {name: us[step] for name, step in COSTS.items()}
-    return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [_stages_table(us)])
-
-
-def _stages_table(us: dict[str, float]) -> Table:
     rows = [(name, f"{us[name]:.1f}", "") for name in _OTHERS]
     rows += [(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}") for name in RECOGNISING]
-    return table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
+    table = table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
+    return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [table])
 
 
 def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[str, Job]:
@@ -218,7 +177,7 @@ def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[
         "decode OSC": each(lambda datagram: osc.decode(datagram, 0.0), datagrams, ROUND),
         "decode OSC by python-osc": each(lambda datagram: OscPacket(datagram).messages, datagrams, ROUND),
         "decode ZeroMQ": each(lambda message: zeromq.decode(message, 0.0), messages, ROUND),
-        "encode OSC": each(osc.encode_recognition, answers, len(answers) * hop),
+        "encode OSC": each(osc.messages.encode_recognition, answers, len(answers) * hop),
         "encode ZeroMQ": each(zeromq.encode_recognition, answers, len(answers) * hop),
     }
 
@@ -334,13 +293,13 @@ def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # 
     The microseconds of a core a frame, and the answers missing. Where more than `_MISSING` of them are, the cost is
     NaN: frames that were lost cost nothing.
     """
-    with BackgroundService(transport, performers=CROWD, echo=echo) as service:
+    with background_service(transport, performers=CROWD, echoes=echo) as service:
         sender, receiver = service.connect()
         with closing(sender), closing(Listener(receiver)) as listener:
             before = core_seconds(service.process_id)
-            played = play(feed.cues(), sender, listener)
-            core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent)
-    due = len(played.sent) if echo else len(feed.answers)
+            played = play(feed.cues(), [sender], listener)
+            core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent[0])
+    due = len(played.sent[0]) if echo else len(feed.answers)
     answered = len(played.received) if echo else sum(answer_in(each.packet) is not None for each in played.received)
     missing = max(due - answered, 0)
     return core_us if missing <= _MISSING * due else math.nan, missing
@@ -357,8 +316,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the program with these options."""
     figures = dict.fromkeys(name for names, _ in PARTS.values() for name in names)
     for measure in [measure for name, (_, measure) in PARTS.items() if options.part in (name, "all")]:
         measured = measure(options.seconds)
@@ -366,7 +325,6 @@ def run(options: argparse.Namespace) -> int:
         for table in () if options.json else measured.tables:
             console.print(table, "")
     say(json.dumps(figures) if options.json else f"{machine()}; {compiled.kind()}")
-    return 0
 
 
 def machine() -> str:

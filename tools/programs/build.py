@@ -18,7 +18,6 @@ from kinespace.library.recordings.formats.labels import LabelError, Segment, cut
 from kinespace.library.windows.courses import without_course
 from kinespace.library.windows.segments import mirrored
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.arguments import names
 from kinespace.tools.cli.console import NameNotes, counted, progress, require_place_for, say
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
@@ -35,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sources", nargs="+", type=Path, metavar="SOURCE", help=text)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     text = "leave these classes or persons out"
-    parser.add_argument("--without", action="extend", type=names, default=[], metavar="CLASS|PERSON,...", help=text)
+    parser.add_argument(
+        "--without", action="extend", type=arguments.names, default=[], metavar="CLASS|PERSON,...", help=text
+    )
     text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
     parser.add_argument("--rename", **arguments.several(arguments.mapping, "OLD=NEW"), help=text)
     arguments.add_shared(parser, "--either-side")
@@ -47,8 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--attribution", help="the authors to name (default: HDM05's, if they are named like HDM05's)")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Build a library from recordings and libraries, save it, and print its contents; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Build a library from recordings and libraries, save it, and print its contents."""
     sources, output, labels = options.sources, options.output, options.labels
     files = [
         each
@@ -74,14 +75,8 @@ def run(options: argparse.Namespace) -> int:
     merged.save(output)
     made = f"{counted(len(merged), 'motion')}, {counted(len(merged.classes), 'class', 'classes')}"
     say(f"{output}: {made}, {output.stat().st_size / 1e6:.2f} MB")
-    for line in (*read.notes, *_unshared(libraries, merged), *_short(merged), *_never_done(merged), *_long(read.uncut)):
+    for line in (*read.notes, *_remarks(libraries, merged, read.uncut)):
         say(line)
-    return 0
-
-
-def _never_done(library: MotionLibrary) -> Iterator[str]:
-    if lacking := without_course(library.motions):
-        yield f"too short, or one posture, to be found done: {', '.join(lacking)}"
 
 
 def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, str]) -> MotionLibrary:
@@ -217,29 +212,20 @@ def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str
         yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"
 
 
-def _unshared(libraries: Sequence[MotionLibrary], merged: MotionLibrary) -> Iterator[str]:
-    """List the joints that were lost because some sources lack them."""
+def _remarks(libraries: Sequence[MotionLibrary], merged: MotionLibrary, uncut: Sequence[Clip]) -> Iterator[str]:
+    """Say which joints were lost, which motions are too short, and which recordings may have several motions."""
     every = dict.fromkeys(name for library in libraries for name in library.skeleton.joints)
-    lost = [name for name in every if name not in merged.skeleton.joints]
-    if lost:
+    if lost := [name for name in every if name not in merged.skeleton.joints]:
         yield f"{len(merged.skeleton.joints)} joints that all sources have; without {', '.join(lost)}"
-
-
-def _short(library: MotionLibrary) -> Iterator[str]:
-    """List the motions that are too short to be compared with."""
-    short = [motion for motion in library.motions if motion.duration < _MIN_WINDOW]
-    if short:
+    if short := [motion for motion in merged.motions if motion.duration < _MIN_WINDOW]:
         listed = _listed(motion.name for motion in short)
-        yield f"{len(short)} of {counted(len(library), 'motion')} below {_MIN_WINDOW:g} s, for playback alone: {listed}"
-
-
-def _long(clips: Sequence[Clip]) -> Iterator[str]:
-    """Say that long recordings, which may have several motions, were taken as one motion each."""
-    long = [clip for clip in clips if clip.duration > _MAX_SECONDS]
-    if long:
+        yield f"{len(short)} of {counted(len(merged), 'motion')} below {_MIN_WINDOW:g} s, for playback alone: {listed}"
+    if lacking := without_course(merged.motions):
+        yield f"too short, or one posture, to be found done: {', '.join(lacking)}"
+    if long := [clip for clip in uncut if clip.duration > _MAX_SECONDS]:
         longest = max(long, key=lambda clip: clip.duration)
         yield (
-            f"{len(long)} of {counted(len(clips), 'recording')} longer than {_MAX_SECONDS:g} s, {longest.name} "
+            f"{len(long)} of {counted(len(uncut), 'recording')} longer than {_MAX_SECONDS:g} s, {longest.name} "
             f"({longest.duration:.0f} s) the longest; each is taken as one motion; --labels cuts takes into motions"
         )
 

@@ -1,17 +1,15 @@
 """The command line of `kinespace camera`: its arguments, and the run that they ask for."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -50,16 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the program with these options."""
     if options.get_models:
         fetched(say)
-        return 0
+        return
     plan = made_of(CameraPlan, options, osc=options.osc or (None if options.zmq else OSC_IN))
     ended = threading.Event()
     stop_on_signals(ended.set)
     say(str(watch(plan, say, ended.is_set)))
-    return 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +121,7 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
     return counts
 
 
-def _watched(film: Film, bodies: Bodies, out: _Out) -> Watched:
+def _watched(film: "Film", bodies: Bodies, out: "_Out") -> Watched:
     counts, begun = Watched(), time.perf_counter()
     for picture in film:
         seen = bodies.seen(picture.pixels, picture.time)
@@ -144,7 +141,7 @@ class _Out:
         self._announced: dict[str, float] = {}
         self._count = 0
 
-    def send(self, seen: SeenBody, picture: Picture) -> bool:
+    def send(self, seen: SeenBody, picture: "Picture") -> bool:
         """Send one body; False where too little of it is seen."""
         positions = self._joints.of(upright(seen.landmarks, picture.pixels))
         if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:
@@ -170,7 +167,7 @@ def _sender(plan: CameraPlan) -> FrameSender:
 _MAX_END = 0.5
 
 
-class CameraProcess:
+class CameraProcess(AbstractContextManager["CameraProcess"]):
     """A camera's process; a context manager. It ends with its parent, however that ends.
 
     Parameters
@@ -196,9 +193,6 @@ class CameraProcess:
         self._child, self._say, self._ending = Child("camera", _watch, plan, max_end=_MAX_END), say, False
         self.opened = self._child.said
         threading.Thread(target=self._listen, name="kinespace camera", daemon=True).start()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._ending = True

@@ -22,7 +22,7 @@ from kinespace.library.library_file import replacing
 from kinespace.library.recordings import RecordingReader
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs.kinerec import ENDING, RawFile
-from kinespace.stream.inputs.takes import events_of, ordered_frames, seen_in
+from kinespace.stream.inputs.takes import decoded, ordered_frames, seen_in
 from kinespace.tools.cli.arguments import add_reading, add_shared, preset_named, reading_of
 from kinespace.tools.cli.console import NameNotes, csv_text, progress, require_place_for, say
 from kinespace.tools.cli.values import printable
@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reading(parser)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Convert files, frame by frame; return the exit status.
+def run(options: argparse.Namespace) -> None:
+    """Convert files, frame by frame.
 
     An `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
     they are not known; and `performer`. A `.csv` has a column for the time and three for each joint.
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     sources, output = options.sources, options.output
     if len(sources) == 1 and not sources[0].is_dir():
         _convert(sources[0], output, options)
-        return 0
+        return
     if output.suffix.lower() in (".csv", ".npz"):
         raise ValueError(f"{output}: expected a folder for several files")
     found = find_recordings(sources)
@@ -70,7 +70,6 @@ def run(options: argparse.Namespace) -> int:
     output.mkdir(exist_ok=True)
     for source, target in zip(found, targets, strict=True):
         _convert(source, target, options)
-    return 0
 
 
 def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
@@ -116,7 +115,7 @@ def _chosen(path: Path, performing: Sequence[str], performer: str | None) -> str
 
 def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) -> _Motion:
     """Look through a recording once for its performers, then give one performer's frames."""
-    seen = seen_in(progress(events_of(recording, preset), "Looking", None))
+    seen = seen_in(progress(decoded(recording.header, recording.packets(), preset), "Looking", None))
     chosen = _chosen(recording.path, [name for name, each in seen.items() if each.frames], performer)
     skeleton, frames = seen[chosen].skeleton(), ordered_frames(recording, preset, {chosen: seen[chosen]})
     postures = ((seconds, positions) for _, _, seconds, positions in frames)

@@ -30,15 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reading(parser)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Propose labels for a recording, every label empty; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Propose labels for a recording, every label empty."""
     source = options.source
     labels = options.output or source.with_suffix(".csv")
     if labels == source:
         raise ValueError(f"{source}: expected --output, because the labels would replace the recording")
     require_place_for(labels, overwrite=options.overwrite)
-    named = NameNotes()
-    takes = [named(each) for each in RecordingReader(reading_of(options)).clips(find_recordings([source])[0])]
+    takes = [*map(NameNotes(), RecordingReader(reading_of(options)).clips(find_recordings([source])[0]))]
     looked = progress(takes, "Looking", len(takes))
     found = sorted((each, take.actor) for take in looked for each in stretches_of(take, options.stillness))
     with labels.open("w", newline="", encoding="utf-8") as file:
@@ -52,4 +51,3 @@ def run(options: argparse.Namespace) -> int:
         advice = f"cut at quieter moments by --stillness above {options.stillness:g}"
         what = "divide these rows where the motions change"
         say(f"{len(long)} of them last longer than {_MAX_SECONDS:g} s, without a standstill: {what}, or {advice}")
-    return 0

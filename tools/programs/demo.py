@@ -6,7 +6,6 @@ status: 0 every motion named, 1 a motion not named, 2 could not be done.
 """
 
 import argparse
-import json
 import time
 from bisect import bisect_left
 from collections import Counter
@@ -23,7 +22,7 @@ from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Announcement, Settings
 from kinespace.stream.recognition import Answer
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.cli.console import console, table_of
+from kinespace.tools.cli.console import console, print_json, table_of
 from kinespace.tools.cli.live_table import score_shown
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, clip_cues
@@ -73,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     expected = service.expected_answers(cues, library, settings)
     watched = console.is_terminal and not options.json
-    with service.BackgroundService(options.transport, library=library, settings=settings) as background:
+    with service.background_service(options.transport, library=library, settings=settings) as background:
         sender, receiver = background.connect()
         show = _Show([motion.class_name for motion in motions], expected, options.transport)
         with (
@@ -84,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             sender.announce(Announcement(PERFORMER, library.skeleton.joints))
             _play(cues, sender, listener, show, live)
     if options.json:
-        print(json.dumps(show.as_json()))
+        print_json(show.as_json())
     else:
         if not watched:
             console.print(show.table(console.width))
@@ -113,18 +112,14 @@ class _Show:
         #: The frames to which an answer comes, by their indices.
         self._answered = [each.cue for each in expected]
         #: The answers that came, expected or not, and those that were given up.
-        self.came = self._given_up = 0
+        self.came = self.given_up = 0
         #: The class of each frame, and when the frame was sent.
         self.sent: list[tuple[str, float]] = []
 
     @property
     def owed(self) -> int:
         """How many answers to the frames sent have not come, and are waited for."""
-        return bisect_left(self._answered, len(self.sent)) - self.came - self._given_up
-
-    def give_up(self) -> None:
-        """Wait no longer for the answers that are owed now."""
-        self._given_up += self.owed
+        return bisect_left(self._answered, len(self.sent)) - self.came - self.given_up
 
     def take_in(self, received: Sequence[service.Received]) -> bool:
         """Note the answers that came; say whether there were any that were expected."""
@@ -222,6 +217,6 @@ def _wait(listener: service.Listener, show: _Show, most: int, patience: float) -
         if show.came > before:
             until = time.perf_counter() + patience
         elif time.perf_counter() > until:
-            show.give_up()
+            show.given_up += show.owed
             return patience if show.came else 0.0
     return patience

@@ -10,23 +10,20 @@ import os
 import socket
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, TypeVar
 
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import Admission, OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
-from kinespace.stream.inputs.source import FeedSource
-from kinespace.stream.outputs import LAYOUTS, Layout, LayoutSink, ReplySink, Sink, ZmqSink
-from kinespace.stream.outputs.layouts import WrittenLayout
+from kinespace.stream.outputs import LAYOUTS, BodySink, Layout, LayoutSink, ReplySink, Sink, WrittenLayout, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
-from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status
@@ -120,80 +117,135 @@ _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 _AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
-def open_ends(
-    options: argparse.Namespace,
-    preset: Preset | None,
-    keyring: Keyring | None,
-    admission: Admission,
-    browsers: Sequence[zeromq.ZmqReceiver] = (),
-) -> tuple[list[Source], list[Sink], RawWriter | None]:
-    """Open the addresses and the recording; after a failure the open addresses are closed again.
+_End = TypeVar("_End", bound=Any)
 
-    `browsers` are the receivers of WebSocket clients, whose frames are our own whatever the feed.
+
+class Ends(ExitStack):
+    """The ends of a recogniser, opened one after the other; leaving the `with` block closes them, the last one first.
+
+    Parameters
+    ----------
+    options
+        Of the program.
+    admission
+        Admits frames of all sources.
+
+    Attributes
+    ----------
+    sources, sinks, controls
+        Where frames come in, where answers go, and further ways in for commands, as the options name them.
+    recording
+        Keeps every packet; None for no recording.
+    own_sinks, own_controls
+        To our own servers of browsers, and from them.
     """
-    networks = _networks(options)
-    if options.camera or options.lsl_in:
-        networks = _and_here(networks)
-    receivers: list[_AnyReceiver] = []
-    sinks: list[Sink] = []
-    with ExitStack() as opened:
-        for each in browsers:
-            opened.callback(each.close)
+
+    def __init__(self, options: argparse.Namespace, admission: Admission) -> None:
+        super().__init__()
+        self.recording: RawWriter | None = None
+        self.sources = list[Source]()
+        self.sinks, self.own_sinks = list[Sink](), list[Sink]()
+        self.controls, self.own_controls = list[RequestSource](), list[RequestSource]()
+        self._options, self._admission = options, admission
+        self._browsers = list[zeromq.ZmqReceiver]()
+        #: The networks that may connect, and these with this machine; none where all may.
+        self._networks: Networks = [ipaddress.ip_network(each, strict=False) for each in options.allow_from]
+        self._near: Networks = [*self._networks, *_LOOPBACK] if self._networks else ()
+        self._keyring = self.enter_context(Keyring(options.keys)) if options.keys else None
+
+    def _kept(self, end: _End) -> _End:
+        self.callback(end.close)
+        return end
+
+    def _endpoint(self, address: str) -> zeromq.Endpoint:
+        """Read the address of an endpoint, which is bound unless it says otherwise; ValueError for no address."""
+        return zeromq.Endpoint.parse(address, bind=True, to_anybody=self._options.open)
+
+    def servers(self, performers: Recognising, *, commands: bool) -> Iterator[Plan]:
+        """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
+        options, keyring = self._options, self._keyring
+        if options.page:
+            sender = self._kept(zeromq.ZmqSender(_HERE, keyring))
+            self.own_sinks += [ZmqSink(sender), BodySink(sender, performers.skeleton_of, performers.carried)]
+            if commands:
+                self.own_controls.append(self._kept(RequestSource(_HERE, (), keyring)))
+            control = self.own_controls[0].address if commands else None
+            yield PagePlan(options.page, sender.address, options.keys, control)
+        if options.ws:
+            from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
+
+            sender = self._kept(zeromq.ZmqSender(_HERE, keyring))
+            self.own_sinks.append(ZmqSink(sender))
+            self._browsers.append(self._kept(zeromq.ZmqReceiver(_HERE, keyring=keyring)))
+            near, frames = tuple(map(str, self._near)), self._browsers[0].address
+            yield SocketPlan(options.ws, sender.address, options.keys, frames, options.ws_origin, near)
+
+    def open(self, preset: Preset | None = None) -> None:
+        """Open the addresses and the recording; frames of browsers are our own, whatever the feed."""
+        options, keyring, receivers = self._options, self._keyring, list[_AnyReceiver]()
+        networks = self._near if options.camera or options.lsl_in else self._networks
         if options.osc_in:
             with opening("--osc-in"):
-                receiver: _AnyReceiver = osc.OscReceiver(*host_and_port(options.osc_in), networks)
-            receivers.append(opened.enter_context(closing(receiver)))
+                receivers.append(self._kept(osc.OscReceiver(*host_and_port(options.osc_in), networks)))
         if options.zmq_in:
             with opening("--zmq-in"):
-                endpoint = _endpoint(options, options.zmq_in)
-                receiver = zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring)
-            receivers.append(opened.enter_context(closing(receiver)))
+                endpoint = self._endpoint(options.zmq_in)
+                receivers.append(self._kept(zeromq.ZmqReceiver(endpoint, networks=networks, keyring=keyring)))
         native = [("--osc-out", f"native={options.osc_out}")] if options.osc_out else []
         for option, out in [*native, *(("--out", each) for each in options.out)]:
             with opening(option):
-                sinks.append(opened.enter_context(closing(_layout_sink(out, receivers, admission))))
-                _require_no_loop(receivers, sinks[-1])
+                self.sinks.append(self._kept(_layout_sink(out, receivers, self._admission)))
+                _require_no_loop(receivers, self.sinks[-1])
         if options.zmq_out:
             with opening("--zmq-out"):
-                endpoint = _endpoint(options, options.zmq_out)
+                endpoint = self._endpoint(options.zmq_out)
                 known = bool(keyring or networks) or not endpoint.is_open_to_others
-                sink = ZmqSink(zeromq.ZmqSender(endpoint, keyring, _and_here(networks)), named=known)
-            sinks.append(opened.enter_context(closing(sink)))
-        read = [*((each, preset) for each in receivers), *((each, None) for each in browsers)]
-        # Last, because it may take another file's place.
-        writer = _writer(options.record, read) if options.record else None
-        sources = []
+                sender = self._kept(zeromq.ZmqSender(endpoint, keyring, self._near))
+            self.sinks.append(ZmqSink(sender, named=known))
+        read = [*((each, preset) for each in receivers), *((each, None) for each in self._browsers)]
+        if options.record:
+            # Last, because it may take another file's place.
+            options.record.unlink(missing_ok=True)
+            presets = {preset.name: preset.text} if preset else {}
+            self.recording = self._kept(RawWriter(options.record, [source_name(*each) for each in read], presets))
         for index, (receiver, fed) in enumerate(read):
-            recorder = Recorder(writer, index) if writer else None
-            sources.append(_source(receiver, recorder, fed, options.sender, admission))
-            sources[-1].is_of_browsers = receiver in browsers
-        opened.pop_all()
-    return sources, sinks, writer
+            recorder = Recorder(self.recording, index) if self.recording else None
+            source = self._kept(_source(receiver, recorder, fed, options.sender, self._admission))
+            source.place = "" if receiver in self._browsers else source.place
+            self.sources.append(source)
 
+    def open_controls(self) -> None:
+        """Let the frames' own ports take commands, and open the further ways in for them."""
+        for source in self.sources:
+            source.commands = CommandReader(self._networks, "" if self._options.teach else _NO_LESSONS)
+        for control in self._options.control:
+            with opening("--control"):
+                # The owner of a known key may command from any network.
+                near, endpoint = () if self._keyring else self._near, self._endpoint(control)
+                opened = RequestSource(endpoint, self._networks, self._keyring, networks=near)
+                self.controls.append(self._kept(opened))
 
-def open_senders(options: argparse.Namespace, sources: Sequence[Source]) -> list[AbstractContextManager[object]]:
-    """Start the camera and find the LSL stream that are asked for; their frames come to the OSC port, as any sender's.
+    def senders(self) -> Iterator[AbstractContextManager[object]]:
+        """Start the camera and find the LSL stream that are asked for; their frames come to the OSC port.
 
-    Raises
-    ------
-    ImportError, OSError, ValueError
-        As `tools.programs.camera.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
-    """
-    senders: list[AbstractContextManager[object]] = []
-    if camera := options.camera:
-        from kinespace.tools.programs.camera import CameraPlan, CameraProcess  # noqa: PLC0415 - where there is a camera
+        Raises
+        ------
+        ImportError, OSError, ValueError
+            As `tools.programs.camera.CameraProcess` and `tools.feeding.lsl_feed.LslFeed`.
+        """
+        if camera := self._options.camera:
+            from kinespace.tools.programs.camera import CameraPlan, CameraProcess  # noqa: PLC0415 - seldom needed
 
-        place = "{}:{}".format(*_own_port(sources))
-        process = CameraProcess(CameraPlan(camera, osc=place, people=options.people, size=options.size), say)
-        say(f"camera: {process.opened}")
-        senders.append(process)
-    if stream := options.lsl_in:
-        from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
+            place, people = "{}:{}".format(*_own_port(self.sources)), self._options.people
+            process = CameraProcess(CameraPlan(camera, osc=place, people=people, size=self._options.size), say)
+            say(f"camera: {process.opened}")
+            yield process
+        if stream := self._options.lsl_in:
+            from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 
-        feed = LslFeed(stream, *_own_port(sources))
-        say(f"LSL: {stream}, {len(feed.layout.joints)} joints")
-        senders.append(feed)
-    return senders
+            feed = LslFeed(stream, *_own_port(self.sources))
+            say(f"LSL: {stream}, {len(feed.layout.joints)} joints")
+            yield feed
 
 
 def _own_port(sources: Sequence[Source]) -> tuple[str, int]:
@@ -255,72 +307,6 @@ def _reaches(sink: Sink, own: str, listening: int) -> bool:
         return False
     host, port = sender.target[:2]
     return port == listening and (host == own or (own in _ANY_HOST and (host in _ANY_HOST or osc.is_ours(host))))
-
-
-def _writer(record: Path, read: Sequence[tuple[_AnyReceiver, Preset | None]]) -> RawWriter:
-    record.unlink(missing_ok=True)
-    presets = {preset.name: preset.text for _, preset in read if preset}
-    return RawWriter(record, [source_name(*each) for each in read], presets)
-
-
-def _and_here(networks: Networks) -> Networks:
-    """Add this machine to the networks that may connect, unless all may."""
-    return [*networks, *_LOOPBACK] if networks else ()
-
-
-def _networks(options: argparse.Namespace) -> Networks:
-    """Read the networks that may connect; ValueError for no network."""
-    return [ipaddress.ip_network(each, strict=False) for each in options.allow_from]
-
-
-def _endpoint(options: argparse.Namespace, address: str) -> zeromq.Endpoint:
-    """Read the address of an endpoint, which is bound unless it says otherwise; ValueError for no address."""
-    return zeromq.Endpoint.parse(address, bind=True, to_anybody=options.open)
-
-
-class Served(NamedTuple):
-    """A server of browsers, for a process of its own: how answers reach it, and how frames and commands leave it."""
-
-    plan: Plan
-    sinks: list[Sink]
-    frames: list[zeromq.ZmqReceiver]
-    requests: list[RequestSource]
-
-
-def open_servers(
-    options: argparse.Namespace, keyring: Keyring | None, performers: Recognising, *, commands: bool
-) -> Iterator[Served]:
-    """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
-    if options.page:
-        sender = zeromq.ZmqSender(_HERE, keyring)
-        requests = [RequestSource(_HERE, (), keyring)] if commands else []
-        control = requests[0].address if requests else None
-        page = PagePlan(options.page, sender.address, options.keys, control)
-        bodies = BodySink(sender, performers.skeleton_of, performers.carried)
-        yield Served(page, [ZmqSink(sender), bodies], [], requests)
-    if options.ws:
-        from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
-
-        sender, frames = zeromq.ZmqSender(_HERE, keyring), zeromq.ZmqReceiver(_HERE, keyring=keyring)
-        networks = tuple(map(str, _and_here(_networks(options))))
-        clients = SocketPlan(options.ws, sender.address, options.keys, frames.address, options.ws_origin, networks)
-        yield Served(clients, [ZmqSink(sender)], [frames], [])
-
-
-def open_controls(
-    options: argparse.Namespace, sources: Sequence[Source], keyring: Keyring | None
-) -> list[RequestSource]:
-    """Let the frames' own ports take commands, and open the further ways in for them."""
-    networks = _networks(options)
-    for source in sources:
-        source.commands = CommandReader(networks, "" if options.teach else _NO_LESSONS)
-    controls: list[RequestSource] = []
-    for control in options.control:
-        with opening("--control"):
-            # The owner of a known key may command from any network.
-            near = () if keyring else _and_here(networks)
-            controls.append(RequestSource(_endpoint(options, control), networks, keyring, networks=near))
-    return controls
 
 
 class Systemd(Sink):

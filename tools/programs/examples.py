@@ -17,20 +17,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help="print this example, to be kept in a file")
 
 
-def run(options: argparse.Namespace) -> int:
-    """List the examples, or print one; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """List the examples, or print one."""
     files = _files("tools", "examples") | _files("library", "naming/conventions")
     if options.name is not None:
         if options.name not in files:
             wrong = f"{options.name!r}{meant(options.name, files)}"
             raise ValueError(f"NAME: expected an example that `kinespace examples` lists, got {wrong}")
         print(files[options.name], end="")
-        return 0
+        return
     for name in files:
         say(f"{name}  (joint names)" if name.endswith(".toml") else name)
     say("")
     say(f"kinespace examples NAME > NAME keeps one; {PAGE} in the sources says what each needs.")
-    return 0
 
 
 def _files(room: str, folder: str) -> dict[str, str]:

@@ -1,6 +1,5 @@
 """A feed that is sent, the answers that come meanwhile, and the report on both."""
 
-import json
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -9,7 +8,7 @@ from dataclasses import dataclass, field
 from rich.table import Table
 
 from kinespace.stream import Announcement, osc
-from kinespace.tools.cli.console import console, note, say, table_of
+from kinespace.tools.cli.console import console, note, print_json, say, table_of
 from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, Pace, lost_at
 from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
 
@@ -157,7 +156,7 @@ class Exchange:
                 "unlabelled": score.unlabelled,
                 "lacking": self._lacking(),
             }
-            print(json.dumps({**figures, "right": None if share is None else round(share, 4)}))
+            print_json({**figures, "right": None if share is None else round(share, 4)})
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
         if self._stood_still > _NOTICED:

@@ -14,11 +14,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help="check this preset, or file, and print it for a copy")
 
 
-def run(options: argparse.Namespace) -> int:
-    """List the presets, or check one and print it as a file to be copied and edited; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """List the presets, or check one and print it as a file to be copied and edited."""
     if options.name is not None:
         print(preset_named(options.name).text, end="")
-        return 0
+        return
     for each in builtin_names():
         preset = builtin_preset(each)
         say(Text.assemble((each, "bold"), f"  {described(preset)}"))
@@ -27,7 +27,6 @@ def run(options: argparse.Namespace) -> int:
         "\nkinespace live --feed NAME uses one; kinespace feeds NAME > my.toml copies it for --feed my.toml.\n"
         "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT."
     )
-    return 0
 
 
 def described(preset: Preset) -> str:

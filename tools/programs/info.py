@@ -5,7 +5,6 @@ a .kinerec.
 """
 
 import argparse
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,13 +22,13 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import print_scores, progress, read_with_notes, say
+from kinespace.tools.cli.console import print_json, print_scores, progress, read_with_notes, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
-_LASTING = ("seconds", "{seconds:.1f}"), ("Hz", "{frame_rate:g}")
-_MEASURED = ("joints", "{joints}"), ("metres across", "{metres_across:.2f}"), ("filled in", "{filled:.1%}")
-_OF_RECORDINGS = ("recording", "{name}"), *_LASTING, *_MEASURED
-_OF_LIBRARY = ("class", "{class}"), ("person", "{person}"), ("take", "{take}"), *_LASTING
+_LASTING = "seconds {seconds:.1f} | Hz {frame_rate:g}"
+_MEASURED = "joints {joints} | metres across {metres_across:.2f} | filled in {filled:.1%}"
+_OF_RECORDINGS = f"recording {{name}} | {_LASTING} | {_MEASURED}"
+_OF_LIBRARY = f"class {{class}} | person {{person}} | take {{take}} | {_LASTING}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_reading(parser)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Describe a library or recordings; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Describe a library or recordings."""
     file, feed = options.file, options.feed
     if feed and not (file and file.suffix.lower() == ENDING):
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {file or 'none'}")
@@ -56,10 +55,9 @@ def run(options: argparse.Namespace) -> int:
     else:
         described, show = _library(file, clips=options.clips), _show_library
     if options.json:
-        print(json.dumps(described))
+        print_json(described)
     else:
         show(described)
-    return 0
 
 
 # --- raw recordings ---
@@ -144,14 +142,14 @@ def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others: str) -> None:
     """Print a table of classes or of persons."""
-    indexed = (("index", "{index}"),) if any("index" in row for row in rows) else ()
-    figures = (("motions", "{motions}"), (others, f"{{{others}}}"), ("seconds", "{seconds:.1f}"), ("Hz", "{rates}"))
+    indexed = " | index {index}" if any("index" in row for row in rows) else ""
+    figures = f"motions {{motions}} | {others} {{{others}}} | seconds {{seconds:.1f}} | Hz {{rates}}"
     shown = [
         {**row, what: row[what] or "?", others: row[others] or "?"}
         | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
         for row in rows
     ]
-    print_scores(shown, ((what, f"{{{what}}}"), *indexed, *figures), title=title)
+    print_scores(shown, f"{what} {{{what}}}{indexed} | {figures}", title=title)
 
 
 def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:

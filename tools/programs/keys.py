@@ -19,9 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keys", type=Path, metavar="DIR", help="the folder, made if it is not there (default: NAME)")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    made = make_keys(options.keys or Path(options.name), options.name)
-    for path, advice in zip(made, _ADVICE, strict=True):
+def run(options: argparse.Namespace) -> None:
+    """Run the program with these options."""
+    for path, advice in zip(make_keys(options.keys or Path(options.name), options.name), _ADVICE, strict=True):
         say(f"{path}: {advice}")
-    return 0

@@ -5,7 +5,6 @@ same run.
 """
 
 import argparse
-import json
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -18,12 +17,10 @@ from rich.table import Table
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
-from kinespace.tools.cli.console import console, table_of
+from kinespace.tools.cli.console import console, print_json, table_of
 from kinespace.tools.feeding import service
-from kinespace.tools.feeding.feed import Cue, FrameSender, Pace, without_pause
+from kinespace.tools.feeding.feed import Cue, without_pause
 
-#: Seconds after the last frame in which answers may still come.
-_LINGER = 0.5
 #: Seconds between the connection of both processes and the first frame.
 _SETTLE = 0.2
 #: Seconds of feed whose latencies do not count: caches fill, ZeroMQ peers connect.
@@ -31,7 +28,7 @@ _WARM_UP = 0.5
 #: The percentiles that are printed, by name.
 _PERCENTILES = {"p50": 50, "p95": 95, "p99": 99, "p999": 99.9, "max": 100}
 #: Every eighth of the library's motions is played, so that there are some of each class.
-_EVERY = 8
+EVERY = 8
 
 
 class Latency(NamedTuple):
@@ -108,14 +105,13 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     """
     library = MotionLibrary.builtin()
     warm = int(_WARM_UP * rate_hz)
-    positions = without_pause(library.motions[::_EVERY], rate_hz, seconds)
-    cues = _cues(positions, rate_hz, seconds)
+    cues = _cues(without_pause(library.motions[::EVERY], rate_hz, seconds), rate_hz, seconds)
     expected = service.expected_answers(cues, library, settings)
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
     with (
-        service.BackgroundService(transport, settings=settings) as background,
-        service.BackgroundService(transport, echo=True) as echo,
+        service.background_service(transport, settings=settings) as background,
+        service.background_service(transport, echoes=True) as echo,
         ExitStack() as opened,
     ):
         (sender, answers_at), (echo_sender, echoes_at) = background.connect(), echo.connect()
@@ -123,7 +119,9 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
         for each in (sender, echo_sender, listener):
             opened.callback(each.close)
         sender.announce(Announcement("latency", library.skeleton.joints))
-        sent, echo_sent, received = _played(cues, (sender, echo_sender), listener, rate_hz)
+        # Greetings from the connection are not part of the run.
+        listener.listen_until(time.perf_counter() + _SETTLE)
+        _, (sent, echo_sent), received = service.play(cues, (sender, echo_sender), listener, 0.5 / rate_hz)
     matcher = service.AnswerMatcher(expected)
     echoes = [each for each in received if each.receiver is echoes_at]
     answers = [(service.answer_in(each.packet), each.arrival) for each in received if each.receiver is answers_at]
@@ -137,30 +135,6 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
         seconds=np.array([arrival - sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
         echo_seconds=np.array([each.arrival - at for each, at in zip(echoes, echo_sent, strict=False)][warm:]),
     )
-
-
-def _played(
-    cues: Sequence[Cue], senders: Sequence[FrameSender], listener: service.Listener, rate_hz: float
-) -> tuple[list[float], list[float], list[service.Received]]:
-    """Send every frame when it is due, and its copy to the echo half a frame later.
-
-    Returns
-    -------
-    When each frame and each copy was sent, and all that came back; moments as `time.perf_counter` reads them.
-    """
-    sent, copied = list[float](), list[float]()
-    # Greetings from the connection are not part of the run.
-    listener.listen_until(time.perf_counter() + _SETTLE)
-    pace, received = Pace(), list[service.Received]()
-    for cue in cues:
-        packets = [sender.encode(cue) for sender in senders]
-        for sender, packet, moments, later in zip(senders, packets, (sent, copied), (0.0, 0.5), strict=True):
-            received += listener.listen_until(pace.moment(cue.due + later / rate_hz))
-            # Before the call, because the answer may be on its way before the call returns.
-            moments.append(time.perf_counter())
-            sender.send(packet)
-    received += listener.listen_until(time.perf_counter() + _LINGER)
-    return sent, copied, received
 
 
 def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:
@@ -179,18 +153,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object; needs one --transport")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Measure each transport and print a table, or one JSON object; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Measure each transport and print a table, or one JSON object."""
     transports: Sequence[service.Transport] = ("osc", "zmq") if options.transport == "both" else (options.transport,)
     if options.json and len(transports) > 1:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
     settings = settings_of(options)
     found = [measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings) for each in transports]
     if options.json:
-        print(json.dumps(found[0].as_json()))
+        print_json(found[0].as_json())
     else:
         console.print(table_for(found))
-    return 0
 
 
 def table_for(latencies: Sequence[Latency]) -> Table:

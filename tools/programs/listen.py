@@ -5,7 +5,6 @@ feed that the messages resemble; the joints that came, and the joints that recog
 """
 
 import argparse
-import json
 import shlex
 import time
 from contextlib import closing, suppress
@@ -16,16 +15,14 @@ from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknown_names
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.inputs.detection import MAX_KINDS, OURS, Guess, Survey
-from kinespace.stream.inputs.source import FeedSource
-from kinespace.stream.osc import SKELETON, OscReceiver
+from kinespace.stream.inputs import FeedSource, OscDecoder, Source
+from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
+from kinespace.stream.osc import OscReceiver
+from kinespace.stream.osc.messages import SKELETON
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
-from kinespace.tools.cli.console import console, say, table_of
+from kinespace.tools.cli.console import console, print_json, say, table_of
 from kinespace.tools.cli.values import host_and_port, opening
 
-#: The preset of our own messages, whose joints need not be named.
-_NATIVE = "native"
 #: Kinds of messages that are shown, at most.
 _MAX_SHOWN = 40
 #: Seconds of a gap that is reported, at least.
@@ -59,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     lines = advice(survey, guess, address)
     pasted = command(guess, feed, place) if guess and guess.frames else None
     if options.json:
-        print(json.dumps(as_object(survey, guess, lines) | {"command": pasted}))
+        print_json(as_object(survey, guess, lines) | {"command": pasted})
     else:
         _show(survey, guess, [*([f"recognise it: {pasted}"] if pasted else []), *lines])
     return 0 if guess and guess.frames else 1
@@ -94,7 +91,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
     if guess is None:
         if any(kind.address in OURS for kind in survey.kinds.values()):
-            return [*lines, *survey.findings(builtin_preset(_NATIVE)).refusals]
+            return [*lines, *survey.findings(builtin_preset(NATIVE)).refusals]
         lines.append("no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above")
         return lines
     lines += _lacking(survey, guess)
@@ -112,9 +109,9 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:
     """List the joints and frames that recognition lacks."""
-    if guess.preset.name == _NATIVE and survey.announced:
+    if guess.preset.name == NATIVE and survey.announced:
         return _named_otherwise(survey)
-    if guess.missing and guess.preset.name == _NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
+    if guess.missing and guess.preset.name == NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
         return [
             f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
             f"say which they are: kinespace live --joints {_listing(len(guess.joints))}",
@@ -140,7 +137,7 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
 
 def _listing(count: int) -> str:
     """Name the presets that list this number of joints, in the order of frames; the first as an option takes it."""
-    known = {name: builtin_preset(name) for name in builtin_names() if name != _NATIVE}
+    known = {name: builtin_preset(name) for name in builtin_names() if name != NATIVE}
     first, *others = [name for name, preset in known.items() if len(preset.order) == count] or ["A,B,..."]
     return f"{first} (or {', '.join(others)})" if others else first
 
@@ -161,7 +158,7 @@ def _odd(survey: Survey, guess: Guess) -> list[str]:
 
 def command(guess: Guess, feed: str | None, place: tuple[str, int]) -> str:
     """Give the command that recognises the feed on a host and port; `feed` as typed, if it was."""
-    native = guess.preset.name == _NATIVE
+    native = guess.preset.name == NATIVE
     named = "" if native else f" --feed {shlex.quote(feed or guess.preset.name)}"
     usual = OSC_IN if native else f"127.0.0.1:{guess.preset.port}"
     host, port = place
@@ -197,7 +194,7 @@ def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str
         "feed": guess.preset.name if guess else None,
         "frames": guess.frames if guess else 0,
         "rate": round(guess.rate, 3) if guess else 0.0,
-        "performers": list(guess.performers) if guess else [],
+        "performers": list(guess.times) if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
         "names": named.title if (named := named_joints(survey)) else None,
@@ -223,7 +220,7 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
         if named := named_joints(survey):
             say(summary(named.title or "our", named.joints))
         if guess.frames:
-            say(f"performers: {', '.join(guess.performers)}, {guess.rate:.1f} frames per second each")
+            say(f"performers: {', '.join(guess.times)}, {guess.rate:.1f} frames per second each")
     for line in lines:
         say(line)
 

@@ -10,12 +10,10 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack, closing, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from rich.live import Live
 
@@ -24,25 +22,21 @@ from kinespace.library.naming import Naming
 from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
-from kinespace.stream.inputs import Admission
-from kinespace.stream.inputs.source import FeedSource
-from kinespace.stream.outputs import LAYOUTS, ZmqSink
+from kinespace.stream.inputs import Admission, FeedSource
+from kinespace.stream.outputs import LAYOUTS, BodySink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI
-from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.gateway import Gateway
-from kinespace.stream.service.loop import Recognising, Service
+from kinespace.stream.service.loop import AnySource, Recognising, Service
 from kinespace.stream.service.worker import Terms
-from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.arguments import count
 from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.cli.values import meant
 from kinespace.tools.page.process import PageProcess
-from kinespace.tools.programs.ends import Served, open_controls, open_ends, open_senders, open_servers, supervisors
+from kinespace.tools.programs.ends import Ends, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
 
@@ -124,66 +118,50 @@ def run(options: argparse.Namespace) -> int:
         options.osc_in = arguments.OSC_IN
     if not (options.osc_out or options.zmq_out or options.out):
         options.osc_out = OSC_OUT
-    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        return recognise(options, keyring)
+    return recognise(options)
 
 
 def workers(text: str) -> int:
     """Read a number of workers; `auto`: one for each core but one, which receives."""
-    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else count(text)
+    return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else arguments.count(text)
 
 
-def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
+def recognise(options: argparse.Namespace) -> int:
     """Open the addresses, recognise until interrupted, print the counts."""
     _allow_many_connections()
-    settings, record = arguments.settings_of(options), options.record
+    settings = arguments.settings_of(options)
     preset = _checked(options, settings)
     performers, lessons = recognisers(options, preset)
-    # What workers send is read as a source is.
-    from_workers = [performers.source] if isinstance(performers, Gateway) else []
     in_lines = options.plain or options.log or not console.is_terminal
     shown = PlainLines() if in_lines else LiveTable((lessons or performers).classes)
     admission = Admission(silence=performers.silence, allowed=options.allow)
-    with ExitStack() as opening:
-        _close_in(opening, from_workers)
+    with Ends(options, admission) as ends:
+        # What workers send is read as a source is.
+        from_workers = [performers.source] if isinstance(performers, Gateway) else []
+        listeners = [*([lessons] if lessons else ()), *supervisors()]
+        for each in (*from_workers, *listeners):
+            ends.callback(each.close)
         # Before the sockets are open: no packet is to wait until the page runs.
-        served, servers = list[Served](), list[Any]()
-        for each in open_servers(options, keyring, performers, commands=lessons is not None):
-            _close_in(opening, [*each.sinks, *each.frames, *each.requests])
-            served.append(each)
-            servers.append(PageProcess(each.plan, say))
-        browsers = [receiver for each in served for receiver in each.frames]
-        sources, sinks, kept = open_ends(options, preset, keyring, admission, browsers)
-        _close_in(opening, [*sources, *sinks, *([kept] if kept else ())])
-        controls = open_controls(options, sources, keyring)
-        senders = open_senders(options, sources)
-        opening.pop_all()
-    listeners = [lessons] if lessons else []
-    if options.bodies:
-        senders_out = [sink.sender for sink in sinks if isinstance(sink, ZmqSink)]
-        sinks += [BodySink(sender, performers.skeleton_of, performers.carried) for sender in senders_out]
-    with (
-        closing(kept) if kept else nullcontext(),
-        Service(
-            performers,
-            [*sources, *controls, *chain(*(each.requests for each in served)), *from_workers],
-            [*sinks, shown, *chain(*(each.sinks for each in served)), *listeners, *supervisors()],
-            admission=admission,
-            control=lessons,
-        ) as service,
-        ExitStack() as running,
-    ):
+        servers = [PageProcess(plan, say) for plan in ends.servers(performers, commands=lessons is not None)]
+        ends.open(preset)
+        ends.open_controls()
+        senders = [*ends.senders()]
+        sources: list[AnySource] = [*ends.sources, *ends.controls, *ends.own_controls, *from_workers]
+        to_zmq = [sink.sender for sink in ends.sinks if options.bodies and isinstance(sink, ZmqSink)]
+        bodies = [BodySink(sender, performers.skeleton_of, performers.carried) for sender in to_zmq]
+        sinks = [*ends.sinks, *bodies, shown, *ends.own_sinks, *listeners]
+        service = Service(performers, sources, sinks, admission=admission, control=lessons)
         if isinstance(performers, Gateway):
             performers.publish = service.publish
-        for each in (*servers, *senders):
-            running.enter_context(each)
+        for server in (*servers, *senders):
+            ends.enter_context(server)
         if lessons:
             lessons.sinks = service.sinks
         # Before the program says that it runs.
         stop_on_signals(service.stop)
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         teaching = ", also for /motion/teach" if lessons and preset else ""
-        _say_open([*(each for each in sources if each.place), *controls], sinks, teaching, servers)
+        _say_open([*(each for each in ends.sources if each.place), *ends.controls], ends.sinks, teaching, servers)
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
@@ -192,10 +170,11 @@ def recognise(options: argparse.Namespace, keyring: Keyring | None) -> int:
         if isinstance(performers, Gateway):
             performers.settle()
         status = service.status()
+    kept = ends.recording
     for line in (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
-        *(frames_made(source) for source in sources if isinstance(source, FeedSource)),
-        *([f"{record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
+        *(frames_made(source) for source in ends.sources if isinstance(source, FeedSource)),
+        *([f"{options.record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
     ):
         say(line)
     return 2 if lessons and lessons.has_unsaved else 0
@@ -291,12 +270,6 @@ def _require_room_for(motions: Known, settings: Settings) -> None:
         if settings.window is None:
             raise
         raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
-
-
-def _close_in(opened: ExitStack, ends: Iterable[Any]) -> None:
-    """Close these if a later one cannot be opened."""
-    for each in ends:
-        opened.callback(each.close)
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

@@ -28,11 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--keys")
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Run the program with these options."""
     ended = threading.Event()
     stop_on_signals(ended.set)
-    place = f"{options.host}:{options.port}"
-    plan = PagePlan(place, options.source, options.keys, options.control)
+    plan = PagePlan(f"{options.host}:{options.port}", options.source, options.keys, options.control)
     plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
-    return 0

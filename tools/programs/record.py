@@ -8,7 +8,6 @@ import argparse
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing, nullcontext
 from pathlib import Path
 
 import zmq
@@ -17,11 +16,10 @@ from rich.status import Status
 from kinespace.stream.inputs import Admission, Source
 from kinespace.stream.inputs.kinerec import RawWriter, source_name
 from kinespace.stream.status import InputCounts
-from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.console import progress_console, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
-from kinespace.tools.programs.ends import open_ends
+from kinespace.tools.programs.ends import Ends
 
 #: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
 _MAX_SLEEP = 100
@@ -36,30 +34,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(osc_out=None, zmq_out=None, out=(), allow_from=(), sender="", camera=None, lsl_in=None)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Record until interrupted, or for the seconds asked for; print the counts and return the exit status."""
+def run(options: argparse.Namespace) -> None:
+    """Record until interrupted, or for the seconds asked for; print the counts."""
     output = options.record = options.output
     require_place_for(output, overwrite=options.overwrite)
     if not options.zmq_in:
         options.osc_in = options.osc_in or OSC_IN
     stopped = threading.Event()
-    with Keyring(options.keys) if options.keys else nullcontext() as keyring:
-        sources, _, writer = open_ends(options, None, keyring, Admission())
+    with Ends(options, Admission()) as ends, Status("no packets yet", console=progress_console) as shown:
+        ends.open()
+        sources, writer = ends.sources, ends.recording
         assert writer  # noqa: S101 - for mypy
-        with closing(writer), ExitStack() as opened, Status("no packets yet", console=progress_console) as shown:
-            for source in sources:
-                opened.callback(source.close)
-            stop_on_signals(stopped.set)
-            names = ", ".join(source_name(source.receiver) for source in sources)
-            say(f"recording {names} to {output}; Ctrl-C ends")
-            _record(sources, writer, stopped, options.seconds, shown)
-            counts = sum((source.counts for source in sources), InputCounts())
+        stop_on_signals(stopped.set)
+        names = ", ".join(source_name(source.receiver) for source in sources)
+        say(f"recording {names} to {output}; Ctrl-C ends")
+        _record(sources, writer, stopped, options.seconds, shown)
+        counts = sum((source.counts for source in sources), InputCounts())
     say(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
         + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else "")
     )
-    return 0
 
 
 def _record(

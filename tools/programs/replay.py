@@ -7,7 +7,6 @@ reached no program, or no answer came to --listen, 2 could not be done.
 """
 
 import argparse
-import json
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +22,7 @@ from kinespace.stream import Announcement, osc, zeromq
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import NameNotes, console, counted, progress, progress_console, say
+from kinespace.tools.cli.console import NameNotes, console, counted, print_json, progress, progress_console, say
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
 from kinespace.tools.feeding.service import Listener
@@ -231,7 +230,7 @@ def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Nam
     every = sum(unheard.values())
     figures = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
     if options.json:
-        print(json.dumps({**figures, "lost_from": recording.lost_from}))
+        print_json({**figures, "lost_from": recording.lost_from})
     else:
         left_out = f"{figures['left_out']} without an address for their kind"
         say(f"{figures['sent']} packets sent, {failed} refused by the system, {left_out}")

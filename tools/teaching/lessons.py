@@ -13,19 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library import Clip, Skeleton
+from kinespace.library import Clip, Skeleton, WindowIndex, opened
 from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
 from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
 from kinespace.library.teaching.movement import STILLNESS
-from kinespace.library.windows.index import WindowIndex, opened
 from kinespace.library.windows.taught import teaches_itself
 from kinespace.stream import Event, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Classes
 from kinespace.stream.service.loop import Recognising, tell
-from kinespace.stream.teaching import Asked, Changed, Notice, State, Step, Teacher, commands
-from kinespace.stream.teaching.commands import Tried
-from kinespace.stream.teaching.teacher import Remembered
+from kinespace.stream.teaching import Asked, Changed, Notice, Remembered, State, Step, Teacher, Told, Tried, commands
 from kinespace.tools.cli.console import say
 from kinespace.tools.teaching.roster_file import RosterFile
 
@@ -74,7 +71,7 @@ class Lessons(Sink):
     ) -> None:
         self.performers, self._teacher, self._clock = performers, teacher, clock
         self._places = ClassPlaces(windows.base_classes)
-        self.classes = self._places.of(teacher.roster)
+        self.classes: Sequence[str] = self._places.of(teacher.roster)
         self.answers = bool(windows.base_classes or teacher.roster.examples)
         self.sinks: Sequence[Sink] = ()
         self.is_loud = False
@@ -185,7 +182,7 @@ class Lessons(Sink):
             tell(self.sinks, each)
         return states
 
-    def _exchange(self, roster: Roster, index: WindowIndex | None) -> Sequence[Notice | Changed]:
+    def _exchange(self, roster: Roster, index: WindowIndex | None) -> Told:
         """Let the recognisers compare with the opened roster."""
         self.classes = self._places.of(roster)
         ended = self.performers.exchange(index, self.classes) if index else []
@@ -194,7 +191,7 @@ class Lessons(Sink):
             tell(self.sinks, event)
         tell(self.sinks, Classes(tuple(self.classes)))
         self.answers = index is not None
-        return ()
+        return []
 
 
 class ClassPlaces:
@@ -274,15 +271,12 @@ class RosterOpener:
     """
 
     def __init__(
-        self,
-        windows: TaughtWindows,
-        teacher: Teacher,
-        exchange: Callable[[Roster, WindowIndex | None], Sequence[Notice | Changed]],
+        self, windows: TaughtWindows, teacher: Teacher, exchange: Callable[[Roster, WindowIndex | None], Told]
     ) -> None:
         self._windows, self._teacher, self._exchange = windows, teacher, exchange
         self._changes: queue.SimpleQueue[Change | None] = queue.SimpleQueue()
         #: What is to be done in the caller's thread; each call gives notices.
-        self._results: queue.SimpleQueue[Callable[[], Sequence[Notice | Changed]]] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[Callable[[], Told]] = queue.SimpleQueue()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
         self._thread.start()

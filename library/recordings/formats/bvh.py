@@ -15,7 +15,7 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from itertools import pairwise, product
+from itertools import chain, islice, pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +31,10 @@ from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation|scale)", re.IGNORECASE)
-#: Frames per second at least: longer Frame Times count the frames.
+#: Frames per second at least: longer Frame Times count the frames, or milliseconds.
 _SLOWEST = 0.2
+#: Statements between MOTION and the first frame, at most.
+_HEADER = 8
 #: An offset shorter than this share of the largest offset counts as none.
 _NO_OFFSET = 1e-6
 #: A joint's position channels replace its offset where half of them are longer than this share of it.
@@ -106,7 +108,7 @@ class _HierarchyReader:
         if self._named and word != "{":
             statement.fail(f"expected {{ after {self._named!r}, got {statement.words[0]!r}")
         match word:
-            case "root" | "joint" | "end":
+            case "root" | "joint" | "end" | "endsite":
                 self._name(word, statement)
             case "{":
                 if not self._named:
@@ -129,7 +131,7 @@ class _HierarchyReader:
         if (word == "root") != (self._open == [-1]):
             statement.fail("expected a ROOT, and all joints within one")
         name = " ".join(statement.words[1:])
-        if word == "end":
+        if word.startswith("end"):
             parent = self._open[-1]
             self._ends[parent] = self._ends.get(parent, 0) + 1
             name = f"{self.joints[parent].name}_end{self._ends[parent] if self._ends[parent] > 1 else ''}"
@@ -201,12 +203,13 @@ def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
             break
     else:
         line.fail("expected HIERARCHY and MOTION, got a file that ends before its motion")
-    announced, rate, line = _motion_header(statements, line, frame_rate)
+    announced, rate, statements = _motion_header(statements, line, frame_rate)
     size = sum(len(joint.channels) for joint in hierarchy.joints)
     frames, values, notes = 0, array("d"), list[str]()
     if not frame_rate and rate < _SLOWEST:
-        rate = round(1 / rate, 6)
-        notes.append(f"times: the Frame Time {rate:g} is taken for frames a second")
+        period = round(1 / rate, 6)
+        rate = min(period, _frame_rate(f"{period / 1000:.9g}"), key=lambda each: abs(each - round(each)))
+        notes.append(f"times: the Frame Time {period:g} is taken for {rate:.6g} frames a second")
     for line in statements:
         try:
             values.extend(numbers_in(line.words, path, line.number, size))
@@ -225,21 +228,28 @@ def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
     return BvhMotion(tuple(hierarchy.joints), channels, rate, tuple(notes))
 
 
-def _motion_header(statements: Iterator[Line], last: Line, given: float | None) -> tuple[str, float, Line]:
-    """Read `Frames: 100` and `Frame Time: 0.01`: frames, frames per second, and the last statement of the two."""
-    last, frames = _after("Frames", statements, last)
-    last, period = _after("Frame Time", statements, last)
-    if not given and not 0 < (number_of(period) or 0.0) < math.inf:
-        last.fail(f"expected a positive Frame Time, got {period}: --frame-rate says the frames per second")
-    return frames, given or _frame_rate(period.replace(",", ".")), last
+def _motion_header(statements: Iterator[Line], last: Line, given: float | None) -> tuple[str, float, Iterator[Line]]:
+    """Read `Frames: 100` and `Frame Time: 0.01`: frames, frames per second, and the statements that are left."""
+    said = " ".join(last.words[1:])
+    for statement in islice(statements, _HEADER):
+        if None not in _rates_in(said) or (len(statement.words) > 1 and number_of(statement.words[0]) is not None):
+            statements = chain([statement], statements)
+            break
+        said, last = f"{said} {' '.join(statement.words)}", statement
+    frames, period = _rates_in(said)
+    if not given and not (period and 0 < (number_of(period[1]) or 0.0) < math.inf):
+        got = period[1] if period else said[:60].strip() or "none"
+        last.fail(f"expected a positive Frame Time, got {got}: --frame-rate says the frames per second")
+    return (
+        frames[1] if frames else "nothing",
+        given or _frame_rate(period[1].replace(",", ".") if period else ""),
+        statements,
+    )
 
 
-def _after(name: str, statements: Iterator[Line], last: Line) -> tuple[Line, str]:
-    statement = next(statements, last)
-    key, colon, value = " ".join(statement.words).partition(":")
-    if key.strip().lower() != name.lower() or not colon:
-        statement.fail(f"expected {name}: and a number, got {' '.join(statement.words)[:60]!r}")
-    return statement, value.strip()
+def _rates_in(said: str) -> tuple[re.Match[str] | None, ...]:
+    """Find the numbers behind `Frames` and `Frame Time`."""
+    return tuple(re.search(rf"{name}[\s:=]+(\S+)", said, re.IGNORECASE) for name in ("frames", "frame[ _]?time"))
 
 
 def _frame_rate(period: str) -> float:
@@ -330,7 +340,7 @@ def _kept(
     firsts = _representatives(joints, displaced)
     names = [joint.name for joint in joints]
     kept, taken = list[int](), set[int]()
-    for index in chosen(names, wanted):
+    for index in chosen(names, wanted) if wanted else range(len(names)):
         if firsts[index] not in taken:
             kept.append(index)
         elif names[index] in wanted:

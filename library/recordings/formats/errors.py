@@ -35,7 +35,7 @@ def refuse(path: Path, line: int, what: str) -> NoReturn:
 
 def mended(words: Sequence[str]) -> list[str]:
     """Give the numbers of a line with decimal commas, commas between, or no blank before a sign."""
-    text = " ".join(words)
+    text = " ".join(words).replace(";", " ")
     text = text.replace(",", " ") if "." in text else re.sub(r"(?<=\d),(?=\d)", ".", text).replace(",", " ")
     return re.sub(r"(?<=[\d.])(?=[-+])", " ", text).split()
 

@@ -12,8 +12,10 @@ from kinespace.library.naming import Naming
 MAX_JOINTS = 1000
 #: Words for a position behind a joint's name.
 _PLACE = re.compile(
-    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coords?|location|world)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
+    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coord(inate)?s?|location|axis|world|global)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
 )
+#: Names that programs give to markers that have none.
+_UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*", re.IGNORECASE)
 #: A mark between words.
 _MARK = re.compile(r"[ _\-./]+")
 #: Characters of a joint's name, at most.
@@ -38,7 +40,7 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
         As they stand in the file.
     wanted
         Names or patterns with `*` and `?`. A pattern fits a whole label, or the part after the label's last colon
-        (`LHip` fits `ann:LHip`). All labels when empty.
+        (`LHip` fits `ann:LHip`). All labels when empty, but those that stand for none (`*12`, `Unlabeled 2012`).
 
     Returns
     -------
@@ -50,7 +52,7 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
         A wanted name fits no label.
     """
     if not wanted:
-        return list(range(len(labels)))
+        return [index for index, label in enumerate(labels) if not _UNNAMED.fullmatch(_after_colon(label))]
     found = set[int]()
     for pattern in wanted:
         fitting = {

@@ -61,11 +61,16 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: A number in a field of several, as `[0.1 0.2 0.3]`, and the characters of such a field, at most.
-_PART, _MAX_POINT = re.compile(r"[^\s,;()\[\]]+"), 120
+#: A number in a field of several (`[0.1 0.2 0.3]`, `X=0.1 Y=0.2 Z=0.3`), and the characters of such a field, at most.
+_PART, _MAX_POINT = re.compile(r"(?:[xyz] ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE), 120
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
+#: What arrays are that are no table.
+_NO_TABLES = {
+    ".npy": "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip",
+    ".npz": "a .npz without the arrays time, positions and joints",
+}
 #: The errors for a file of another kind, or one cut short.
 _DAMAGE = (*memory.DAMAGE, OSError, ValueError)
 
@@ -83,10 +88,8 @@ def is_joint_table(path: Path) -> bool:
 
 def why_no_table(path: Path) -> str:
     """Say what a file lacks to be a table of joints; empty where it is none of the usual mistakes."""
-    if path.suffix.lower() == ".npy":
-        return "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip"
-    if path.suffix.lower() == ".npz":
-        return "a .npz without the arrays time, positions and joints"
+    if arrays := _NO_TABLES.get(path.suffix.lower()):
+        return arrays
     try:
         _begun(path, memory.MAX_MEMORY)
         first = next(memory.lines(path, memory.MAX_LINE, errors="replace"), "").lower()
@@ -94,6 +97,8 @@ def why_no_table(path: Path) -> str:
         return f"a table with {error}"
     except _DAMAGE:
         return ""
+    if is_numbers(re.split(r"[,;|\s]+", first.strip())):
+        return "numbers without a row of names above them, like time, head_x, head_y, head_z"
     if any(f"{mark}x" in first and f"{mark}y" in first and f"{mark}z" not in first for mark in "_."):
         return "columns x and y but no z: 2-D landmarks cannot be compared, their distances are no body's"
     return ""
@@ -128,8 +133,12 @@ def read_clips(
         return [restricted(_npz_clip(path, frame_rate), joints)]
     table = _read(path)
     head, places, (name, moments) = table.header, table.places(), table.clock()
-    clips = list[Clip]()
-    for person, rows in table.people(path, moments).items():
+    clips, people = list[Clip](), table.people(path, moments)
+    if brief := [person for person, rows in people.items() if len(rows) < 2 < len(places)]:
+        # A tracker's slip is no reason to refuse the others.
+        table.notes.append(f"left out: seen in one frame alone: {', '.join(brief[:5])}")
+        people = {person: rows for person, rows in people.items() if person not in brief}
+    for person, rows in people.items():
         notes, timed = list(table.notes), rows if moments is None else rows[np.isfinite(moments[rows])]
         if len(timed) < len(rows):
             notes.append(f"times: {len(rows) - len(timed)} frames without one are left out")

@@ -27,6 +27,8 @@ _WAYS = (
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")
+#: Words for places that are no joint's in a picture, or to its parent.
+_WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
@@ -41,8 +43,13 @@ _PERSON = re.compile(
     r"character|dancer|entity|avatar)"
     r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
 )
+#: Joints that a row must name without axes, at least one more.
+_FEW = 2
 #: Rows above the first frame that may name joints.
 _DEEP = 12
+#: What pandas writes behind a name that stands there again, or in place of none.
+_AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
+_ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
     r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*", re.IGNORECASE
 )
@@ -124,7 +131,20 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
         one = _of_one(row, first)
         if found := one if len(one[0]) > 1 else _of_long(row, first):
             return _header(rows, row, *found)
-    return None
+    row = _thrice(rows[-1]) if rows else []
+    one = _of_one(row, first)
+    return _header(rows, row, *one) if len(one[0]) > _FEW else None
+
+
+def _thrice(row: Sequence[str]) -> list[str]:
+    """Give numbers to the three columns of a name that stands there thrice, once, or as pandas has it (`head.1`)."""
+    bare = [_AGAIN.sub("", name.strip()) for name in row]
+    names = _filled(bare, len(bare))
+    counts, seen = Counter(names), Counter[str]()
+    for place, name in enumerate(names):
+        seen[name] += 1
+        names[place] = f"{name}_{seen[name]}" if counts[name] == 3 and len(name) > 1 else row[place]
+    return names
 
 
 def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]]:
@@ -134,14 +154,17 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         found, units = dict[str, dict[str, int]](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
-                found.setdefault(named["joint"], {}).setdefault(named["axis"].lower(), place)
-                units.add((named.groupdict().get("unit") or "").lower())
+                unit = (named.groupdict().get("unit") or "").lower()
+                # Another word behind the axis belongs to the name: `head_x_world`.
+                joint = f"{named['joint']}_{unit}" if unit and metres_of(unit) is None else named["joint"]
+                found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
+                units.add(unit)
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
         others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
-        if len(places) <= 2 * len(world := [joint for joint in places if "world" in words_of(joint)]):
+        if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):
             places, others = world, others + [joint for joint in places if joint not in world]
         if len(places) > len(best[0]):
             best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
@@ -167,7 +190,12 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     ]
     units = {unit.lower() for _, unit, _ in axes if unit}
     threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
-    # Where joints stand beside each other a cell in front of each names it.
+    # Where joints stand beside each other a cell in front of each names it, in this row or in the next.
+    named = {
+        row[three[0] - 1].strip(): three for three in threes if three[0] and not _AXIS.fullmatch(row[three[0] - 1])
+    }
+    if len(named) == len(threes) > 1 and all(named) and len(first) >= len(row) - 1:
+        return named, [], units
     labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
     beside = {first[max((each for each in labels if each < three[0]), default=0)]: three for three in threes if first}
     if len(beside) == len(threes) > 1 and all(number_of(name) is None for name in beside):
@@ -180,7 +208,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
 def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     """Read a header whose row of axes is below a row of names."""
     size = len(rows[place])
-    axes = [name.strip().lower().removeprefix("t") for name in rows[place]]
+    axes = [_AGAIN.sub("", name.strip().lower().removeprefix("t")) for name in rows[place]]
     if min(map(axes.count, "xyz")) < 2:
         return None
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
@@ -206,6 +234,8 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         apart = (row for row in above if len({(row[c], named[c], axes[c]) for c in ours}) == len(ours))
         front = next(apart, None)
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
+    # Motive calls a skeleton's first bone like the skeleton.
+    named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
     joints = dict[str, dict[str, int]]()
     for column in ours:
         joints.setdefault(named[column], {}).setdefault(axes[column], column)

@@ -122,7 +122,7 @@ def evened(
 
 def words_of(name: str) -> list[str]:
     """Give the words of a column's name in small letters: `timestampUs` has two."""
-    return [word.lower() for word in re.findall(r"[A-ZÀ-Þ]?[a-zµμß-ÿ]+|[A-ZÀ-Þ]+(?![a-z])|\d+", name)]
+    return [word.lower() for word in re.findall(r"[A-ZÀ-Þ]?[a-zµμß-ÿ]+|[A-ZÀ-Þ]+(?![a-z])|\d+|[Ͱ-\uffff]+", name)]
 
 
 def _unit_in(name: str) -> float | None:

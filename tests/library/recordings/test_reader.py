@@ -8,7 +8,14 @@ import pytest
 from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames
 
 from kinespace.library import LibraryFileError, MotionLibrary
-from kinespace.library.recordings import Reading, RecordingError, clips_of, find_recordings, read_recordings
+from kinespace.library.recordings import (
+    Reading,
+    RecordingError,
+    RecordingReader,
+    clips_of,
+    find_recordings,
+    read_recordings,
+)
 from kinespace.library.recordings.formats import acclaim
 from kinespace.tools.cli.main import main
 
@@ -42,6 +49,26 @@ def test_places_are_listed_in_the_given_order(tmp_path: Path) -> None:
     _touch(tmp_path, "z/1.amc", "z/2.amc", "a/3.amc", "m.mocap")
     found = find_recordings([tmp_path / "z", tmp_path / "m.mocap", tmp_path / "a"])
     assert [path.name for path in found] == ["1.amc", "2.amc", "m.mocap", "3.amc"]
+
+
+@pytest.mark.parametrize("ending", ["bvh", "c3d", "csv", "mvnx"])
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "git lfs pull"),
+        (b"\n<!DOCTYPE html>\n<html>", "download the raw file"),
+        (b'\xef\xbb\xbf<?xml version="1.0"?><mvnx/>', "export BVH"),
+        (b"Kaydara FBX Binary  \x00", "export BVH"),
+        (b"PK\x03\x04" + bytes(99), "save it as CSV"),
+        (b"", "an empty file"),
+    ],
+)
+def test_another_file_is_called_by_its_kind(tmp_path: Path, ending: str, content: bytes, told: str) -> None:
+    """Whatever its ending says, a person is told what the file is, and what to do."""
+    path = tmp_path / f"take.{ending}"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=f"{re.escape(str(path))}: expected a recording .*{told}"):
+        RecordingReader().clips(path)
 
 
 # --- reading -----------------------------------------------------------------------------------------------------

@@ -12,7 +12,6 @@ from twins import Twin
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
 from kinespace.library.signature.parts import PARTS, Kind, Part, Signature
-from kinespace.library.windows.comparer import LANE
 from kinespace.library.windows.comparison import FIRST_WINDOW, by_paper
 from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
 from kinespace.library.windows.taught import teacher_of
@@ -94,19 +93,13 @@ def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
 
 
 def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
-    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows.
-
-    The last window of a library may be the last of a lane.
-    """
-    vectors, eigenvectors = tuple(each[:LANE] for each in index.vectors), index.eigenvectors[:LANE]
-    lane = replace(index, vectors=vectors, eigenvectors=eigenvectors, motions=index.motions[:LANE])
-    for compared, step in ((index, 2), (lane, 8)):
-        twin = Twin(compared)
-        for clip in asking[:2]:
-            rows = distance_rows(clip.positions, clip.skeleton)
-            for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(compared, clip), strict=True))[::step]:
-                expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-                assert np.allclose(_logs(compared, numbers), expected, atol=2e-3), arithmetic
+    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
+    twin = Twin(index)
+    for clip in asking[:2]:
+        rows = distance_rows(clip.positions, clip.skeleton)
+        for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
+            expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
+            assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
 
 
 def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:

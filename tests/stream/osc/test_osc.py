@@ -79,7 +79,7 @@ def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
 def test_performers_stand_in_addresses(performer: str, part: str) -> None:
     """Letters of any script stay; what OSC reserves is written as in a URL, so that no two names are one."""
     assert osc.address_part(performer) == part
-    addresses = _params(osc.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
+    addresses = _params(osc.messages.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
     assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "sofar", "label", "scores")}
 
 
@@ -122,7 +122,7 @@ def _receive(receiver: osc.OscReceiver) -> bytes | None:
 
 def test_datagrams_arrive_in_order(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:
     """Datagrams come one at a time and in order, an empty one and the largest possible too; then there is none."""
-    packets = [b"first", b"", np.random.default_rng(0).bytes(65_507), osc.encode_recognition(NAMED)]
+    packets = [b"first", b"", np.random.default_rng(0).bytes(65_507), osc.messages.encode_recognition(NAMED)]
     for packet in packets:
         sender.send(packet)
     assert [_receive(receiver) for _ in packets] == packets

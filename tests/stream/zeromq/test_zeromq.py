@@ -19,7 +19,7 @@ from zmq.auth import load_certificate
 from kinespace.stream import Done, Event, EventKind, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, SequenceGaps, ZmqReceiver, ZmqSender
+from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, ZmqReceiver, ZmqSender
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
@@ -82,7 +82,7 @@ def test_an_open_status_names_no_performer() -> None:
 
 
 def _missing(numbers: list[int | None]) -> int:
-    gaps = SequenceGaps()
+    gaps = zeromq_answers.SequenceGaps()
     for number in numbers:
         gaps.see("p", number)
     return gaps.missing
@@ -107,7 +107,7 @@ def test_gaps_in_the_numbers(numbers: list[int | None], missing: int) -> None:
 
 def test_made_up_names_do_not_pile_up() -> None:
     """Each performer's numbers are its own; the 1025th performer makes the decoder forget the others' last numbers."""
-    gaps, found = SequenceGaps(), []
+    gaps, found = zeromq_answers.SequenceGaps(), []
     for performer, number in (("p", 7), *((f"stranger {each}", each) for each in range(1023)), ("p", 9), ("q", 1)):
         gaps.see(performer, number)
     for performer, number in (("p", 100), ("p", 102), ("q", 3)):

@@ -61,21 +61,18 @@ _MESSAGE = {
     },
     "stream/zeromq/messages.py": {
         "import GONE, Answer, ": "import GONE, Answer, Beat, ",
-        "        case Gone(performer):\n": (
-            "        case Beat(performer, number):\n"
-            '            parts = [f"beat/{performer}/".encode(), _encode({"v": VERSION, "number": number})]\n'
-            "        case Gone(performer):\n"
+        "    Event: encode_event,\n": (
+            "    Event: encode_event,\n"
+            '    Beat: lambda beat: [f"beat/{beat.performer}/".encode(), _encode({"number": beat.number})],\n'
         ),
     },
     "stream/outputs/layouts.py": {
-        "import GONE, Classes": "import GONE, Beat, Classes",
-        "            case Gone(performer):\n": (
-            "            case Beat():\n                packet = answers.encode_beat(message)\n"
-            "            case Gone(performer):\n"
+        "    taught = state\n": (
+            "    taught = state\n\n    def beat(self, beat) -> bytes:\n        return answers.encode_beat(beat)\n"
         ),
     },
     "stream/service/loop.py": {
-        "import Classes, Done": "import Beat, Classes, Done",
+        "import Classes, Event": "import Beat, Classes, Event",
         "        self._publish_events(recognition.events)\n": (
             "        self._publish_events(recognition.events)\n"
             "        tell(self.sinks, Beat(recognition.performer, len(self._hop_times)))\n"

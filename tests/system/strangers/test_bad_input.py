@@ -315,7 +315,7 @@ BOMBS: dict[str, tuple[str, Callable[[], str], str]] = {
         lambda: _hierarchy(f"JOINT {'a.' * 50_000}\n{{\nOFFSET 0 1 0\n}}\n", "", 2),
         "expected names of at most 400 characters, got 100000",
     ),
-    "a long skeleton": ("take.amc", lambda: "", "expected a shorter text"),
+    "a long skeleton": ("take.amc", lambda: "1\n", "expected a shorter text"),
     "two times a year apart": (
         "year.csv",
         lambda: "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + "".join(f"{t},1,1,{t},2,2,2\n" for t in (0, 0.01, 0.02, 50_000)),

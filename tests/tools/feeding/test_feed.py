@@ -11,7 +11,7 @@ from synthetic import stick_clip
 
 from kinespace.stream.recognition import Answer
 from kinespace.tools.feeding.feed import Pace, clip_cues
-from kinespace.tools.feeding.service import AnswerMatcher, BackgroundService, Expected
+from kinespace.tools.feeding.service import AnswerMatcher, Expected, background_service
 
 
 @pytest.mark.parametrize(("speed", "pause"), [(1.0, 1.0), (0.5, 0.7), (4.0, 0.0)])
@@ -79,7 +79,7 @@ def test_an_error_in_the_process_is_raised_here() -> None:
     """An error in the other process is raised in this one, and no process or socket stays behind."""
     with (
         pytest.raises(ChildProcessError, match="most: expected 1 to 10000 performers, got 0"),
-        BackgroundService("osc", performers=0),
+        background_service("osc", performers=0),
     ):
         pytest.fail("started without room for anybody")
     assert multiprocessing.active_children() == []

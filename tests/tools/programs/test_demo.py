@@ -10,7 +10,7 @@ from rich.console import Console
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
-from kinespace.tools.feeding.service import BackgroundService
+from kinespace.tools.feeding.service import background_service
 from kinespace.tools.programs import demo
 
 pytestmark = pytest.mark.slow
@@ -52,10 +52,9 @@ def test_a_recogniser_that_knows_other_names_is_not_right(
     """Answers other than the expected ones do not count: no motion is right, and the status is 1."""
     other = small.renamed({name: f"not {name}" for name in CLASSES})
 
-    def service(transport: str, **options: object) -> BackgroundService:
-        return BackgroundService(transport, **{**options, "library": other})  # type: ignore[arg-type]
-
-    monkeypatch.setattr(demo.service, "BackgroundService", service)
+    monkeypatch.setattr(
+        demo.service, "background_service", lambda *of, **more: background_service(*of, **{**more, "library": other})
+    )
     assert main(["demo", "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == {"played": 2, "answered": 0, "right": 0, "late": 0, "p99_ms": None}
 

@@ -171,7 +171,7 @@ def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], titl
     """A feed with known names, or with some of our joints, needs no change."""
     survey = _heard(joints)
     guess = survey.guess([builtin_preset(name) for name in builtin_names()])
-    assert (guess.preset.name, guess.frames, len(guess.joints), guess.performers) == ("native", 20, ours, ("ann",))
+    assert (guess.preset.name, guess.frames, len(guess.joints), tuple(guess.times)) == ("native", 20, ours, ("ann",))
     assert guess.rate == pytest.approx(30.0)
     assert guess.understood == 1.0
     assert advice(survey, guess, None) == []

@@ -2,7 +2,7 @@
 
 A C3D holds labelled points: markers, joint centres that a model computed, and often, among the same labels, angles,
 forces and other results that are no positions. These results (the file lists them in POINT:ANGLES and similar
-parameters) and markers without a label (`*12`) are left out unless they are asked for by name.
+parameters) are left out unless they are asked for by name.
 
 The package reads header and parameters, whichever of the three kinds of processor wrote them. Of the libraries for C3D
 it is the one that reads all three; and it is small, needs numpy alone, and raises an error for a broken file, where
@@ -24,6 +24,7 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
+from kinespace.library.recordings.formats.timed_frames import words_of
 from kinespace.library.recordings.formats.units import metres_of
 
 #: Parameters of the group POINT in which files list the points that are no positions.
@@ -152,6 +153,8 @@ def read_clips(
         positions, notes = _frames(said, content)
         labels = _texts("LABELS", said, "POINT" if said.header.point_count else "ROTATION")[: positions.shape[1]]
         no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
+        # Some programs list none of them.
+        no_places |= {each for each in labels if {f"{w.rstrip('s').upper()}S" for w in words_of(each)} & {*_NO_PLACES}}
         unit = next((each for each in _texts("UNITS", said) if each), "")
         rates = [said.header.frame_rate, *([said.point_rate] if said.get("POINT:RATE") else [])]
     except Exception as error:  # the package has any for a file that makes no sense
@@ -159,13 +162,7 @@ def read_clips(
         if got.startswith("expected"):
             raise
         raise RecordingError(f"{path}: expected a C3D, got a damaged or another file: {got[:120]}") from error
-    kept = [
-        index
-        for index, label in enumerate(labels)
-        if label in joints or (label and label not in no_places and not label.startswith("*"))
-    ]
-    if len(kept) < 2:
-        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}")
+    kept = [index for index, label in enumerate(labels) if label in joints or (label and label not in no_places)]
     rate = frame_rate or next((float(each) for each in reversed(rates) if 0 < each < math.inf), 0.0)
     if not rate:
         raise ValueError("expected a positive POINT:RATE, got 0; give it with --frame-rate")

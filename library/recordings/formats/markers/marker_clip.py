@@ -18,6 +18,8 @@ from kinespace.library.skeleton import Skeleton
 #: A place that is held in several frames, and is so many times farther from a body's middle than half of its joints, is
 #: no place: programs write 9999 for markers that they do not see.
 _FAR = 8.0
+#: Two joints of a body keep their distance: it spreads over the frames by less than this share.
+_STEADY = 0.2
 #: Share of the markers whose absence makes a frame one without a body, the first that leaves half of the markers.
 _ABSENT = (0.5, 0.25, 0.0)
 #: Markers that a remark lists, at most.
@@ -66,6 +68,8 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         A wanted marker is missing, or fewer than two are left.
     """
     kept = chosen(labels, joints)
+    if len(kept) < 2:
+        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}")
     memory.require_numbers(len(positions) * len(kept) * 3)
     clips = list[Clip]()
     for person, own in people_in([labels[index] for index in kept]).items():
@@ -84,12 +88,18 @@ def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
     if (~lost).sum() < 2:
         raise ValueError(f"expected 2 markers or more that are seen, got {(~lost).sum()} of {len(names)}")
     skeleton = Skeleton(tuple(name for name, gone in zip(names, lost, strict=True) if not gone))
-    rests = [
+    filled = _filled(even.positions[:, ~lost], missing[:, ~lost], absent)
+    rests = (
+        []
+        if _holds_together(filled)
+        else ["positions: no two joints keep their distance: are they velocities, or turns?"]
+    )
+    rests += [
         f"not seen: most markers from {a / even.rate:.2f} to {b / even.rate:.2f} s; the body rests" for a, b in absent
     ]
     return Clip(
         skeleton=skeleton,
-        positions=_filled(even.positions[:, ~lost], missing[:, ~lost], absent),
+        positions=filled,
         frame_rate=even.rate,
         filled=int(missing[:, ~lost].sum()) + even.missing * len(skeleton.joints),
         gaps=tuple(sorted((*even.gaps, *((a / even.rate, b / even.rate) for a, b in absent)))),
@@ -163,6 +173,14 @@ def _filled(
     for a, b in absent:
         filled[a:b] = filled[a - 1] if a else filled[min(b, len(filled) - 1)]
     return filled
+
+
+def _holds_together(positions: NDArray[np.float64]) -> bool:
+    """Say whether two of some joints keep their distance, in some frames."""
+    some = positions[:: 1 + len(positions) // 32, :40]
+    apart = np.linalg.norm(some[:, :, None] - some[:, None], axis=3)
+    mean = apart.mean(axis=0)
+    return len(some) < 3 or len(mean) < 4 or bool((apart.std(axis=0)[mean > 0] < _STEADY * mean[mean > 0]).any())
 
 
 def _left_out(names: Sequence[str], missing: NDArray[np.bool_], lost: NDArray[np.bool_]) -> list[str]:

@@ -83,7 +83,7 @@ BROKEN = {
             ":7: expected a hierarchy of",
         ),
         (GOOD["bvh"][GOOD["bvh"].index("MOTION") :], "", ":20: expected HIERARCHY and MOTION"),
-        ("Frames: 4", "Frames 4", ":22: expected Frames: and a number"),
+        ("Frame Time: 0.01\n", "", ":22: expected a positive Frame Time, got Frames: 4"),
         ("Frame Time: 0.01", "Frame Time: 0", ":23: expected a positive Frame Time, got 0: --frame-rate"),
         ("Frame Time: 0.01\n", "Frame Time: 0.01\n1 2 3\n", ":24: expected 12 numbers, got 3"),
         ("Frame Time: 0.01\n", "Frame Time: 0.01\n" + "x " * 12 + "\n", ":24: expected numbers, got 'x x"),
@@ -95,7 +95,7 @@ BROKEN = {
         ("OFFSET 0.0 1.0 0.0", "OFFSET 1.7e308 -1.7e308 1.7e308", ": expected places of joints, got numbers too large"),
     ],
     "trc": [
-        ("PathFileType", "PathType", ":1: expected PathFileType"),
+        (GOOD["trc"].split("\n")[1], "", ":1: expected a TRC, got no line that names DataRate"),
         ("\n2\t", "\n2\tone\t", ":8: expected 11 numbers, got 11 in '2\\tone"),
         ("\n2\t", "\n2\t1\t", ":8: expected 11 numbers, got 12"),
         ("hip\t\t\tknee\t\t\theel", "hip", ":4: expected names of markers"),

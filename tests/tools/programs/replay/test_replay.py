@@ -70,15 +70,16 @@ def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
 @contextmanager
 def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
     """Run a service in a thread of this process, with a library that is open before the first frame comes."""
-    performers = Performers(opened(library))
-    with Service(performers, [source], [sink]) as service:  # type: ignore[list-item]  # one of either transport
-        thread = threading.Thread(target=service.run)
-        thread.start()
-        try:
-            yield service
-        finally:
-            service.stop()
-            thread.join(PATIENCE)
+    service = Service(Performers(opened(library)), [source], [sink])  # type: ignore[list-item]  # of either transport
+    thread = threading.Thread(target=service.run)
+    thread.start()
+    try:
+        yield service
+    finally:
+        service.stop()
+        thread.join(PATIENCE)
+        source.close()  # type: ignore[attr-defined]  # as any source
+        sink.close()  # type: ignore[attr-defined]  # as any sink
 
 
 def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -53,13 +53,6 @@ COMPLETE = "KINESPACE_COMPLETE"
 _NOT_COMPILED = "no compiled functions here: gcc or clang and Python's headers make them"
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that read all clips of HDM05 as slow."""
-    for item in items:
-        if "hdm05_clips" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.slow)
-
-
 def _without(reason: str, what: str) -> NoReturn:
     """Skip the asking test; fail it where all tests are to run, because there it would pass unseen."""
     if os.environ.get(COMPLETE) == "1":
@@ -93,18 +86,6 @@ def data_folder() -> Path:
 def hdm05_folder(data_folder: Path) -> Path:
     """Give the folder of HDM05's recordings."""
     return _folder(data_folder / "hdm05_cut_amc")
-
-
-@pytest.fixture(scope="session")
-def cmu_folder(data_folder: Path) -> Path:
-    """Give the folder of CMU's recordings."""
-    return _folder(data_folder / "cmu")
-
-
-@pytest.fixture(scope="session")
-def hdm05_clips(hdm05_folder: Path) -> tuple[Clip, ...]:
-    """All 288 clips as AMC files say them."""
-    return tuple(read_recordings(find_recordings([hdm05_folder])))
 
 
 @pytest.fixture(scope="session")

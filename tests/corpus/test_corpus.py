@@ -74,7 +74,7 @@ def test_no_kind_that_is_broken_ends_in_a_traceback(tmp_path: Path, name: str) -
     """Cut off, or with some bytes changed, a file is read or refused by name; a table that lost frames says so."""
     kind, generator = KINDS[name], np.random.default_rng(len(name))
     path = tmp_path / f"take.{kind.ending}"
-    for number in range(12):
+    for number in range(6):
         content = bytearray(kind.content)
         cut = int(generator.integers(len(content)))
         if number % 2:

@@ -10,19 +10,18 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import closing, contextmanager
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-import zmq
 from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.stream import Frame, osc, zeromq
+from kinespace.stream import Frame, osc
 from kinespace.stream.recognition import Answer
-from kinespace.tools.feeding.feed import Cue, OscFrameSender, Packet, without_pause
-from kinespace.tools.feeding.service import Listener, Transport, answer_in
+from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
+from kinespace.tools.feeding.service import Listener, answer_in
 
 #: A line on what is odd about a body or a file that could be read (`library.windows.segments.remarks`, `Clip.notes`).
 REMARK = re.compile(
@@ -172,43 +171,12 @@ def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
     return positions
 
 
-class Publisher:
-    """A ZeroMQ publisher of frames that knows when somebody subscribes: no frame sent after that is lost."""
-
-    def __init__(self) -> None:
-        self._socket = zmq.Context.instance().socket(zmq.XPUB)
-        self._socket.linger = 0
-        self._socket.bind(f"tcp://{LOOPBACK}:*")
-        self.address = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
-
-    def wait_for_subscriber(self) -> None:
-        """Wait until somebody subscribes to everything."""
-        self.wait_for_change(b"\x01")
-
-    def wait_for_change(self, told: bytes) -> None:
-        """Wait until a subscriber to everything comes (1) or goes (0)."""
-        assert self._socket.poll(int(PATIENCE * 1000))
-        assert self._socket.recv() == told
-
-    def encode(self, cue: Cue) -> Packet:
-        """Make the message of a frame."""
-        return zeromq.encode_frame(cue.frame, cue.seq)
-
-    def send(self, packet: Packet) -> None:
-        """Publish one message."""
-        self._socket.send_multipart(packet)
-
-    def close(self) -> None:
-        """Give the port back."""
-        self._socket.close()
-
-
 def wait_until_read(port: int) -> None:
-    """Wait until nothing waits on a UDP port, as Linux tells; elsewhere, or for port 0, for some milliseconds."""
+    """Wait until nothing waits on a UDP port, as Linux tells; elsewhere for some milliseconds."""
     waiting = Path("/proc/net/udp")
     until = time.monotonic() + PATIENCE
     time.sleep(0.005)
-    while port and waiting.exists() and time.monotonic() < until:
+    while waiting.exists() and time.monotonic() < until:
         # The local address, and the bytes that wait to be sent and to be read, all in hexadecimal.
         rows = [line.split() for line in waiting.read_text(encoding="ascii").splitlines()[1:]]
         if all(int(row[4].partition(":")[2], 16) == 0 for row in rows if row[1].endswith(f":{port:04X}")):
@@ -219,9 +187,9 @@ def wait_until_read(port: int) -> None:
 class Stage:
     """A running `kinespace live`, a sender of frames to it and a receiver of its OSC answers."""
 
-    def __init__(self, program: Program, port: int, sender: OscFrameSender | Publisher, listener: Listener) -> None:
+    def __init__(self, program: Program, port: int, sender: OscFrameSender, listener: Listener) -> None:
         self.program = program
-        #: The UDP port on which frames come in; 0 when they come by ZeroMQ.
+        #: The UDP port on which frames come in.
         self.port = port
         self.sender = sender
         self._listener = listener
@@ -249,24 +217,11 @@ class Stage:
 
 
 @contextmanager
-def live(*options: object, transport: Transport = "osc", environment: dict[str, str] | None = None) -> Iterator[Stage]:
-    """Run `kinespace live` on ports chosen by the system: frames in by one transport, answers out by OSC."""
-    with ExitStack() as stack:
-        receiver = osc.OscReceiver(LOOPBACK, 0)
-        stack.callback(receiver.close)
-        ends = ["--osc-out", f"{LOOPBACK}:{receiver.address[1]}"]
-        sender: OscFrameSender | Publisher
-        port = 0
-        if transport == "osc":
-            ends += ["--osc-in", f"{LOOPBACK}:0"]
-            program = stack.enter_context(started("live", *ends, *options, environment=environment))
+def live(*options: object) -> Iterator[Stage]:
+    """Run `kinespace live` on ports chosen by the system: frames in and answers out by OSC."""
+    with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
+        ends = ("--osc-in", f"{LOOPBACK}:0", "--osc-out", f"{LOOPBACK}:{receiver.address[1]}")
+        with started("live", *ends, *options) as program:
             port = int(program.expect(r"listening on OSC 127\.0\.0\.1:(\d+)")[1])
-            sender = OscFrameSender(LOOPBACK, port)
-            stack.callback(sender.close)
-        else:
-            sender = Publisher()
-            stack.callback(sender.close)
-            ends += ["--zmq-in", f">{sender.address}"]
-            program = stack.enter_context(started("live", *ends, *options, environment=environment))
-            sender.wait_for_subscriber()
-        yield Stage(program, port, sender, Listener(receiver))
+            with closing(OscFrameSender(LOOPBACK, port)) as sender:
+                yield Stage(program, port, sender, Listener(receiver))

@@ -88,13 +88,6 @@ FOREIGN_OSC: dict[str, bytes] = {
     address: message(address, "sd" + "f" * 6, "p", 1.0, *_HALVES)
     for address in ("/", "/motion", "/motion/frames", "/motion/frame/p", "/Motion/frame", "/VMC/Ext/T")
 }
-#: Frames that can be read, of bodies that are not the feed's.
-OTHER_JOINTS_OSC: dict[str, bytes] = {
-    "4363 joints": osc_frame([0.0] * 3 * 4363),
-    "a joint too many": osc_frame([*POSE, 1.0, 2.0, 3.0]),
-    "a joint too few": osc_frame(POSE[:-3]),
-    "no joint": osc_frame([]),
-}
 
 #: Values that a header's fields must not have.
 _WRONG: dict[str, list[object]] = {
@@ -161,12 +154,3 @@ FOREIGN_ZMQ: dict[str, list[bytes]] = {
     "a part of a topic": [b"frame", *_GOOD[1:]],
     "somebody else's OSC": [message("/elsewhere")],
 }
-OTHER_JOINTS_ZMQ: dict[str, list[bytes]] = {
-    "a joint too many": zmq_frame([*POSE, 1.0, 2.0, 3.0]),
-    "a joint too few": zmq_frame(POSE[:-3]),
-}
-
-
-def late(time: float) -> tuple[bytes, list[bytes]]:
-    """Give a good frame of a time that is past, by either transport."""
-    return osc_frame(time=time), zmq_frame(t=time)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from programs import ROOT
-from recorded import write_takes
+from recorded import write_clips
 
 from kinespace.library import MotionLibrary
 
@@ -26,7 +26,7 @@ def test_the_notebook_goes_from_files_to_figures(
     cells = json.loads((ROOT / "tools" / "examples" / "from_files_to_figures.ipynb").read_text(encoding="utf-8"))[
         "cells"
     ]
-    write_takes(tmp_path)
+    write_clips(tmp_path)
     first = "".join(next(cell for cell in cells if cell["cell_type"] == "code")["source"])
     exec(first.replace('folder = ""', f"folder = {str(tmp_path)!r}"), {})  # noqa: S102 - our own cell
     assert "12 motions of 3 classes by 2 persons" in capsys.readouterr().out

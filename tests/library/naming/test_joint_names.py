@@ -1,72 +1,17 @@
 """The names of joints in other programs: their tables, the conventions, HDM05's own names."""
 
 from collections.abc import Callable
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
 
-import msgspec
-import naive
 import numpy as np
 import pytest
 from skeletons import KNOWN, names_of
 
 from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
-from kinespace.library.naming.checked_toml import Text, read_toml
 from kinespace.library.naming.convention import parse_convention
-from kinespace.library.recordings.formats.acclaim import read_clip
 from kinespace.stream.feeds import builtin_names, builtin_preset
 
 # --- checked toml -----------------------------------------------------------------------------------------------------
-
-
-class Colour(StrEnum):
-    """Two words."""
-
-    RED = "red"
-    BLUE = "blue"
-
-
-class Part(msgspec.Struct, forbid_unknown_fields=True):
-    """A table in a list, or by name."""
-
-    size: Annotated[float, msgspec.Meta(gt=0)] = 1.0
-    colour: Colour = Colour.RED
-    kind: Literal["here", "there"] = "here"
-
-
-class File(msgspec.Struct, forbid_unknown_fields=True):
-    """A file with tables in every place."""
-
-    name: Text
-    parts: tuple[Part, ...] = ()
-    named: dict[str, Part] = {}
-    perhaps: Part | None = None
-
-
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("", "name: expected a value, got nothing"),
-        ("name = 1", "name: expected text, got 1"),
-        ('name = " "', "name: expected text, got ' '"),
-        (f"name = [{'1, ' * 50}]", f"name: expected text, got [{'1, ' * 26}1"),
-        ("nam = 1", "nam: expected one of name, named, parts, perhaps, got 'nam', perhaps 'name' is meant"),
-        ('name = "a"\nparts = [{}, {size = 0}]', "parts 2, size: expected a number > 0.0, got 0"),
-        ('name = "a"\n[named.b]\n[named.c]\nsize = "x"', "named, c, size: expected a number, got 'x'"),
-        ('name = "a"\n[named.b]\n[named.c]\nfar = 1', "named, c, far: expected one of colour, kind, size, got 'far'"),
-        ('name = "a"\n[named.b]\ncolour = "green"', "named, b, colour: expected one of red, blue, got 'green'"),
-        ('name = "a"\nperhaps = true', "perhaps: expected a table, got True"),
-        (f"name = {'[' * 20_000}", "expected TOML, got tables or lists nested too deep"),
-        ("#" * 32_001, "expected at most 32000 characters, got 32001"),
-    ],
-)
-def test_a_mistake_is_one_line(text: str, line: str) -> None:
-    """The line begins with the file, and has the place, the expectation and at most 80 characters of the value."""
-    with pytest.raises(ValueError, match=r"^a\.toml: ") as caught:
-        read_toml(text, "a.toml", File, ValueError)
-    told = str(caught.value).removeprefix("a.toml: ")
-    assert told.startswith(line) if line.endswith("per") else told == line
 
 
 # --- convention -------------------------------------------------------------------------------------------------------
@@ -162,18 +107,6 @@ def test_a_file_name_holds_actor_class_and_take(name: str, expected: tuple[str, 
 def test_other_names_say_nothing(name: str) -> None:
     """A name of another form, and one of no frames per second, is not taken for HDM05's."""
     assert hdm05.read_clip_name(Path(name)) is None
-
-
-@pytest.mark.slow
-def test_cmus_takes_are_read_with_the_same_body(cmu_folder: Path) -> None:
-    """A CMU take has HDM05's 31 joints, an upright body of human height, and no labels of HDM05's."""
-    clip = read_clip(cmu_folder / "13_30.amc")
-    assert clip.skeleton == hdm05.SKELETON
-    assert (clip.class_name, clip.actor, clip.take) == ("", "", "")
-    assert clip.frame_rate == 120.0
-    assert clip.frames == len(naive.read_amc(cmu_folder / "13_30.amc", naive.read_asf(cmu_folder / "13.asf")).frames)
-    height = clip.positions[..., 1].max(axis=1) - clip.positions[..., 1].min(axis=1)
-    assert 1.3 < np.median(height) < 2.1
 
 
 # --- naming -----------------------------------------------------------------------------------------------------------

@@ -51,23 +51,6 @@ def test_places_are_listed_in_the_given_order(tmp_path: Path) -> None:
     assert [path.name for path in found] == ["1.amc", "2.amc", "m.mocap", "3.amc"]
 
 
-def test_a_place_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    """A place that is not there is refused, even beside one that is."""
-    _touch(tmp_path, "one.amc")
-    with pytest.raises(RecordingError, match=re.escape(f"{tmp_path / 'absent'}: no such file or folder")):
-        find_recordings([tmp_path, tmp_path / "absent"])
-
-
-@pytest.mark.parametrize("names", [[], ["readme.txt", "deep/HDM_bd.asf"]], ids=["empty", "other files"])
-def test_a_folder_without_recordings_is_named(tmp_path: Path, names: list[str]) -> None:
-    """Where no recording is in any place the places and the known endings are said."""
-    _touch(tmp_path, *names)
-    (tmp_path / "second").mkdir()
-    message = re.escape(f"{tmp_path}, {tmp_path / 'second'}: no recording ({KINDS}) in it")
-    with pytest.raises(RecordingError, match=message):
-        find_recordings([tmp_path, tmp_path / "second"])
-
-
 @pytest.mark.parametrize("ending", ["bvh", "c3d", "csv", "mvnx"])
 @pytest.mark.parametrize(
     ("content", "told"),
@@ -120,9 +103,6 @@ def test_a_given_skeleton_is_used_before_a_found_one(tmp_path: Path) -> None:
     assert np.linalg.norm(own.positions[0, 1] - own.positions[0, 0]) == pytest.approx(1.0)
 
 
-KINDS = ".amc, .bvh, .c3d, .trc, .kinerec, a table in .csv, .tsv, .txt, .sto, .mot or .npz"
-
-
 def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:
     """The reader gives the clips before a bad file, then refuses it; the message names the bad file alone."""
     paths = _write_arm(tmp_path, "arm_1.amc", "arm_2.amc", "arm_3.amc")
@@ -131,13 +111,6 @@ def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:
     assert next(clips).name == "arm_1"
     with pytest.raises(RecordingError, match=re.escape(f"{paths[1]}:3: expected 6 numbers after 'root', got 2")):
         next(clips)
-
-
-def test_a_given_skeleton_that_is_gone_is_an_os_error(tmp_path: Path) -> None:
-    """A skeleton given by hand that does not exist is the system's error, which names it."""
-    paths = _write_arm(tmp_path, "arm_1.amc")
-    with pytest.raises(FileNotFoundError, match=r"absent\.asf"):
-        list(read_recordings(paths, Reading(asf=tmp_path / "absent.asf")))
 
 
 # --- as a person writes it ----------------------------------------------------------------------------------------

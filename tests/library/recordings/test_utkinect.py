@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinespace.library import MotionLibrary, Reading, find_recordings, read_recordings
+from kinespace.library import Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingError, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.tools.cli.main import main
@@ -26,10 +26,12 @@ def _written(folder: Path, text: str = TEXT, labels: str = LABELS) -> Path:
     return folder / "joints_s01_e02.txt"
 
 
-def test_a_take_is_read_with_its_labels(tmp_path: Path) -> None:
+def test_a_take_is_read_with_its_labels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Frames between are on straight lines; of two actions that overlap the earlier ends where the later begins."""
     path = _written(tmp_path)
     assert find_recordings(tmp_path) == [path]
+    assert main(["info", str(path)]) == 0
+    assert "joints_s01_e02" in capsys.readouterr().out
     (take,) = read_takes(Sources([tmp_path]), Reading())
     assert (take.person, take.delivered.tolist()) == ("s01", [0, 2, 4])  # type: ignore[union-attr]  # a sensor's
     (clip,), segments = read_recordings(path), segments_beside(path)
@@ -55,15 +57,6 @@ def test_a_take_that_makes_no_sense_is_refused(tmp_path: Path, text: str, labels
     path = _written(tmp_path, text, labels)
     with pytest.raises(RecordingError, match=f"^{re.escape(str(tmp_path))}.*: {message}"):
         read_takes(Sources([path]), Reading())
-
-
-def test_every_program_reads_it(data_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`build` makes a library of it, cut by its labels; `info` counts its takes."""
-    takes = [str(data_folder / "utkinect" / f"joints_s0{person}_e01.txt") for person in (1, 2)]
-    assert main(["build", *takes, "-o", str(tmp_path / "x.npz")]) == main(["info", takes[0]]) == 0
-    library = MotionLibrary.load(tmp_path / "x.npz")
-    assert (len(library), len(library.classes), library.actors) == (20, 10, ("s01", "s02"))
-    assert "joints_s01_e01" in capsys.readouterr().out
 
 
 def test_all_of_utkinect_is_read(data_folder: Path) -> None:

@@ -9,14 +9,12 @@ from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWi
 from kinespace.library.teaching.movement import (
     Movement,
     MovementMeter,
-    Stretch,
     StretchFinder,
     limb_speed,
     moved_at_all,
     moved_in,
     relative_movement,
     stillness_of,
-    stretches_of,
 )
 from kinespace.library.windows.courses import Courses
 
@@ -110,36 +108,6 @@ def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # n
         assert set(index.classes) == classes
 
 
-def test_without_library_and_examples_there_is_no_index() -> None:
-    """Without a library and without examples there is no index."""
-    windows = TaughtWindows(_base(), with_base=False)
-    assert windows.index_of(Roster()) is None
-    assert windows.base_classes == ()
-    index = windows.index_of(_roster(("squat", "squat1Reps", 0)))
-    assert index.classes == ("squat",)
-    assert windows.index_of(Roster()) is None
-    alone = TaughtWindows(None, with_base=False)
-    assert alone.index_of(Roster()) is None
-    index = alone.index_of(
-        _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0)).enabled("kick", on=False)
-    )
-    assert (index.classes, alone.base_classes) == (("squat",), ())
-
-
-@pytest.mark.slow
-def test_a_check_names_the_class_that_an_example_resembles() -> None:
-    """A squat taught under another name is as squats are; after one example this is no verdict."""
-    windows = TaughtWindows(_base(), with_base=True)
-    roster = _roster(("mine", "squat1Reps", 0))
-    index = windows.index_of(roster)
-    assert index is not None
-    check = checked(index, 1)
-    assert check.nearest == "squat1Reps"
-    assert check.share_at_risk > 0.5
-    assert check.words == f"good so far: show it again to be sure; the nearest class is squat1Reps: {CHANGE}"
-    assert checked(index, 7) is None
-
-
 def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> None:
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
     windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
@@ -151,6 +119,7 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     assert [each.share_at_risk for each in found] == [0, 0, 0, 1, 0]
     assert [each.nearest for each in found] == ["b"] * 4 + ["a"]
     assert [each.to_own for each in found] == pytest.approx([0.9, 0.9, 1.2, 5.6, np.nan], abs=0.1, nan_ok=True)
+    assert checked(index, 9) is None
     for count, alike in ((2, [np.nan] * 3), (3, [0.9, 0.9, 1.2, np.nan])):
         index = windows.index_of(_roster(*squats[:count], ("b", "kickLFront1Reps", 0)))
         assert index is not None
@@ -196,34 +165,6 @@ def test_an_example_of_either_side_is_compared_mirrored_too(small_index: WindowI
         assert ours.is_first == theirs.is_first
     fewer = windows.index_of(roster.without_class("squat"))
     assert [motion.take for motion in fewer.library.motions] == ["0001", "0001 mirrored"]
-
-
-def _take(seconds_still: float, noise: float = 0.0) -> tuple[Clip, list[Stretch]]:
-    """Put some built-in motions one after another, standing still between; give when each moves."""
-    library = MotionLibrary.builtin()
-    frames, moving, generator = list[np.ndarray](), list[Stretch](), np.random.default_rng(0)
-    still = round(seconds_still * 60)
-    for motion in (library.motions[0], library.motions[40], library.motions[130]):
-        frames.append(np.repeat(motion.positions[:1], still, axis=0))
-        begin = sum(map(len, frames)) / 60
-        frames.append(motion.positions)
-        moving.append(Stretch(begin, begin + motion.frames / 60))
-        frames.append(np.repeat(motion.positions[-1:], still, axis=0))
-    positions = np.concatenate(frames)
-    positions = positions + noise * generator.standard_normal(positions.shape)
-    return Clip(library.skeleton, positions, 60.0), moving
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.008])
-def test_motions_between_stillnesses_are_found(noise: float) -> None:
-    """Each stretch lies in its motion but for the margins, and holds most of it."""
-    take, moving = _take(1.0, noise)
-    found = stretches_of(take)
-    assert len(found) == len(moving)
-    for stretch, motion in zip(found, moving, strict=True):
-        assert motion.start - 0.2 <= stretch.start
-        assert stretch.end <= motion.end + 0.35
-        assert stretch.duration > 0.6 * motion.duration
 
 
 def test_relative_movement_is_the_textbook_formula() -> None:

@@ -16,21 +16,19 @@ from kinespace.library.signature.parts import (
     SPREAD_LONG,
     Kind,
     Signature,
-    flattened,
 )
 from kinespace.library.windows import comparison
 from kinespace.library.windows.comparer import Head
 from kinespace.library.windows.comparison import (
     ACROSS_LABORATORIES,
     WITHIN_LABORATORY,
-    Comparison,
     Lessons,
     Weighing,
     by_paper,
     learned_metric,
     squared_distances,
 )
-from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
+from kinespace.library.windows.cutting import Measured, window_ends
 
 #: One view of two groups, and one that sees postures alone.
 SMALL = Weighing(
@@ -72,30 +70,6 @@ def test_the_papers_weighing_names_by_products() -> None:
     assert (paper.judges, paper.by_products, paper.eigenvectors) == (False, True, 1)
     named = paper.named(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]))
     assert named == pytest.approx(np.log([0.751, 0.001, 1.001]))
-
-
-def test_windows_are_placed_by_metrics(small_index: WindowIndex) -> None:
-    """An eigen part alone stays eigenvectors; another part has its own metric, and several parts one more."""
-    clips, ends, motions = Measured.of(small_index.library, 0.4)
-    numbers = CutWindows(clips, ends, small_index.body, small_index.basis).numbers
-    classes, people = (
-        np.unique([getattr(clip, name) for clip in clips], return_inverse=True)[1] for name in ("class_name", "actor")
-    )
-    comparison = Comparison.learned(SMALL, numbers, Lessons(classes[motions], people[motions]))
-    joined, eigenvectors, postures = many = comparison.place(numbers)
-    assert np.array_equal(eigenvectors, numbers[EIGEN_SHORT].astype(np.float32))
-    assert np.array_equal(postures, comparison.parts[POSTURE].place(numbers[POSTURE]))
-    assert EIGEN_SHORT not in comparison.parts
-    long, spread, *others = comparison.groups[0], comparison.parts[SPREAD_LONG], *comparison.groups[1:]
-    assert others == [None, None]
-    assert long is not None
-    vectors = [comparison.parts[EIGEN_LONG].place(flattened(numbers[EIGEN_LONG])), spread.place(numbers[SPREAD_LONG])]
-    assert np.array_equal(joined, long.place(np.concatenate(vectors, axis=1)))
-    for single, among in zip(comparison.place({part: each[3] for part, each in numbers.items()}), many, strict=True):
-        assert np.allclose(single, among[3], atol=1e-4)
-    taught = comparison.of_taught_classes()
-    assert taught.groups[0] is not None
-    assert np.array_equal(taught.groups[0].axes, long.axes[:, :32])
 
 
 def _windows(*, people: int = 3, seed: int = 4) -> tuple[np.ndarray, Lessons]:

@@ -25,7 +25,7 @@ from kinespace.library.windows.courses import (
 )
 from kinespace.library.windows.segments import mirrored
 
-SQUAT, ARMS, JOG, GRAB = "squat1Reps", "rotateArmsBothBackward1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
+SQUAT, JOG, GRAB = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
 
 
 def clips_of(builtin: MotionLibrary, *classes: str, actor: str = "") -> list[Clip]:

@@ -10,20 +10,10 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
-from kinespace.library import (
-    NOTHING,
-    Clip,
-    MotionLibrary,
-    Skeleton,
-    SkeletonMismatchError,
-    WindowIndex,
-    distance_rows,
-    opened,
-)
-from kinespace.library.signature.parts import EIGENVECTORS, PARTS, Kind, Part, Signature
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES, FIRST_WINDOW, WITHIN_LABORATORY, by_paper
+from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
+from kinespace.library.signature.parts import PARTS, Kind, Part, Signature
+from kinespace.library.windows.comparison import FIRST_WINDOW, by_paper
 from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
-from kinespace.library.windows.rejection import learned_rejection
 from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.arguments import joints_of
 
@@ -181,19 +171,6 @@ def test_the_persons_who_teach_a_library(
         assert taught.skeleton.joints == library.skeleton.joints
 
 
-def test_weighings(small_library: MotionLibrary, across: WindowIndex, small_index: WindowIndex) -> None:
-    """A library learned in another laboratory brings its own weighing; with other groups its own motions reject."""
-    assert small_index.comparison.weighing is WITHIN_LABORATORY
-    assert across.comparison.weighing is ACROSS_LABORATORIES
-    assert [each.ndim for each in across.vectors] == [3, 3, 2, 2, 2]
-    assert across.vectors[0].shape[1] == EIGENVECTORS
-    few = across.library.restricted_to(across.library.skeleton.joints[:9])
-    fewer = WindowIndex.of(few, weighing=ACROSS_LABORATORIES.without(Kind.EIGEN))
-    assert np.array_equal(fewer.rejection.weights, learned_rejection(fewer).weights)
-    assert len(fewer.rejection.typical) == 6
-    assert opened(small_library) is opened(small_library)
-
-
 def test_large_libraries_are_opened_in_pieces_and_taught_by_some_windows(
     people_index: WindowIndex, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -235,14 +212,6 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
     assert len(closer) > len(index)
     for learned in ("comparison", "basis", "rejection"):
         assert getattr(index, learned) is getattr(first, learned)
-
-
-def test_motions_that_cannot_be_added(people_index: WindowIndex, small_library: MotionLibrary) -> None:
-    """Other joints, and clips too short for a window, are refused."""
-    with pytest.raises(SkeletonMismatchError):
-        people_index.with_motions(small_library.motions[:1])
-    with pytest.raises(ValueError, match="expected"):
-        people_index.with_motions([stick_clip("bow", frames=5)])
 
 
 def test_some_motions_and_the_others_are_all(people_index: WindowIndex) -> None:

@@ -143,15 +143,3 @@ def test_without_a_folder_windows_are_computed(folder: Path, monkeypatch: pytest
     folder.mkdir()
     (folder / "file").write_text("")
     assert len(_opened()) > 0
-
-
-def test_the_folder_keeps_a_dozen(folder: Path) -> None:
-    """The files that were not used for longest go."""
-    folder.mkdir()
-    for number in range(20):
-        (folder / f"{number}.windows").write_text("")
-        os.utime(folder / f"{number}.windows", (number, number))
-    _opened()
-    assert len(list(folder.iterdir())) == 12
-    assert not (folder / "8.windows").exists()
-    assert (folder / "19.windows").exists()

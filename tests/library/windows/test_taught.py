@@ -116,15 +116,3 @@ def test_arrays_that_do_not_fit_are_refused(
         arrays[f"{TAUGHT}{name}"] = array.astype(np.float32)
     with pytest.raises(ValueError, match=f"{TAUGHT}{name}: expected {said}"):
         kept_of(replace(keeping, learned=Learned(arrays)), WEIGHINGS["across"])
-
-
-def test_lessons_do_not_set_the_limits_of_the_unknown(keeping: MotionLibrary, builtin: MotionLibrary) -> None:
-    """A library that keeps only what its own motions teach is weighed and judged as one that keeps nothing."""
-    assert builtin.judged_by_strangers
-    assert not keeping.judged_by_strangers
-    assert WindowIndex.of(keeping).comparison.weighing is WEIGHINGS["within"]
-    assert builtin.learned is not None
-    of_these = {name: array for name, array in builtin.learned.named.items() if name.startswith(TAUGHT)}
-    own = replace(builtin, learned=Learned(of_these))
-    assert not own.judged_by_strangers
-    assert kept_of(own, WEIGHINGS["within"]) is not None

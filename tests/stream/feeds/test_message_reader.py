@@ -50,6 +50,8 @@ def test_a_preset_is_whole_and_its_copy_is_the_same(name: str, tmp_path: Path) -
 MISTAKES = {
     "port = 7000": {
         "prot = 7000": "prot: expected one of ask, axes, bones, clock, frame, guessed, joints, message, metres, ",
+        f"port = {'[' * 20_000}": "expected TOML, got tables or lists nested too deep",
+        "#" * 32_001: "expected at most 32000 characters, got 3",
         "port = 70000": "port: expected a whole number <= 65535, got 70000",
         "port = 7000\nmetres = [1, 2]": "metres: expected a list of length 3, got [1, 2]",
         "port = 7000\nmetres = inf": "metres 1: expected a number <= 1000000000.0, got inf",
@@ -88,7 +90,9 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize(("old", "new"), [(old, new) for old, mistakes in MISTAKES.items() for new in mistakes])
+@pytest.mark.parametrize(
+    ("old", "new"), [pytest.param(old, new, id=new[:40]) for old, mistakes in MISTAKES.items() for new in mistakes]
+)
 def test_a_mistake_is_one_line(old: str, new: str) -> None:
     """The line has the file, the key, the expectation and the value found."""
     assert old in GOOD

@@ -2,7 +2,9 @@
 
 import dataclasses
 import socket
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,15 +12,16 @@ import numpy as np
 import pytest
 from pythonosc.osc_packet import OscPacket
 
-from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc, zeromq
 from kinespace.stream.inputs import Admission, OscDecoder, Source
 from kinespace.stream.osc import messages as osc_answers
-from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, ZmqSink
 from kinespace.stream.outputs.layouts import LayoutFileError, WrittenLayout
 from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step, commands
+from kinespace.stream.zeromq import messages as zeromq_answers
 
 LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")
@@ -57,31 +60,47 @@ def test_every_answer_is_osc_that_fits(name: str) -> None:
             assert len(packet) <= osc_answers.MAX_ANSWER
 
 
-def test_the_native_sink_sends_the_osc_answers() -> None:
-    """Every message of the service goes out as OSC; of those that a layout does not know nothing is sent."""
-    sent, told = list[bytes](), State("Ada L", Step.WAITING)
-    sender = SimpleNamespace(send=sent.append, failed=2, close=lambda: sent.append(b"closed"))
-    for layout in (NativeLayout(), LAYOUTS["vrchat"]()):
-        sink = LayoutSink(layout, sender)  # type: ignore[arg-type]  # not all of a sender is used
-        sink.send(recognition())
-        sink.send(START)
-        sink.send(DONE)
-        sink.send(LEFT)
-        sink.send(Classes(tuple(CLASSES)))
-        sink.send(STATUS)
-        sink.send(told)
-    assert sent[:7] == [
-        osc.messages.encode_recognition(recognition()),
-        osc_answers.encode_event(START, recognition().time),
-        osc_answers.encode_done(DONE, recognition().time),
-        osc_answers.encode_gone("Ada L"),
-        osc_answers.encode_classes(CLASSES),
-        osc_answers.encode_status(STATUS),
-        commands.encode(told),
-    ]
-    assert len(sent) == 9
-    sink.close()
-    assert (sink.failed, sent[-1]) == (2, b"closed")
+#: What the service tells, and how it goes out by OSC and by ZeroMQ.
+TOLD = (recognition(), START, DONE, LEFT, Classes(CLASSES), STATUS, State("Ada L", Step.WAITING))
+AS_OSC = [
+    osc.messages.encode_recognition(TOLD[0]),
+    osc_answers.encode_event(START, TOLD[0].time),
+    osc_answers.encode_done(DONE, TOLD[0].time),
+    osc_answers.encode_gone("Ada L"),
+    osc_answers.encode_classes(CLASSES),
+    osc_answers.encode_status(STATUS),
+    commands.encode(TOLD[-1]),
+]
+VRCHAT = LAYOUTS["vrchat"]()
+AS_ZMQ = [
+    zeromq.encode_recognition(TOLD[0]),
+    zeromq_answers.encode_event(START),
+    zeromq_answers.encode_done(DONE),
+    zeromq_answers.encode_gone("Ada L"),
+    zeromq_answers.encode_classes(CLASSES),
+    zeromq_answers.encode_status(STATUS),
+    [b"teach/", b'{"performer": "Ada L", "state": "waiting", "seconds": 0.0}'],
+]
+
+
+@pytest.mark.parametrize(
+    ("sink", "expected"),
+    [
+        (partial(LayoutSink, NativeLayout()), AS_OSC),
+        # Of what a layout does not know nothing is sent.
+        (partial(LayoutSink, VRCHAT), [VRCHAT.recognition(TOLD[0]), VRCHAT.gone(LEFT)]),
+        (ZmqSink, AS_ZMQ),
+        (partial(ZmqSink, named=False), [*AS_ZMQ[:5], zeromq_answers.encode_status(STATUS, named=False), AS_ZMQ[6]]),
+    ],
+)
+def test_everything_is_published(sink: Callable[..., LayoutSink | ZmqSink], expected: list[object]) -> None:
+    """Answers, events, classes, notices and the status are sent as they are encoded, with names unless told not to."""
+    sent = list[object]()
+    made = sink(SimpleNamespace(send=sent.append, failed=2, close=lambda: sent.append("closed")))
+    for message in TOLD:
+        made.send(message)
+    made.close()
+    assert (sent, made.failed) == ([*expected, "closed"], 2)
 
 
 def test_touchdesigner_gets_numbers_only() -> None:

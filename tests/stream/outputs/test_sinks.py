@@ -10,16 +10,11 @@ import numpy as np
 import pytest
 from synthetic import STICK, stick_clip
 
-from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, zeromq
-from kinespace.stream.outputs import ZmqSink
+from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition
 from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
-from kinespace.stream.recognition import Classes, Gone
+from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import State, Step
-from kinespace.stream.zeromq import messages as zeromq_answers
 
 START = Event("ann", EventKind.START, "jump", 1, 0.75, 4.0)
 END = Event("ann", EventKind.END, "jump", 1, 0.75, 5.0)
@@ -132,11 +127,8 @@ CARRIED = Carried((1.0, *[0.0] * (len(POSE) - 1)), ((0, 1), (0, 2)))
 class Sender:
     """Keeps what is sent."""
 
-    failed = 3
-
     def __init__(self) -> None:
         self.sent: list[list[bytes]] = []
-        self.closed = False
 
     def __str__(self) -> str:
         return "ZeroMQ here"
@@ -145,43 +137,9 @@ class Sender:
         """Keep a message."""
         self.sent.append(parts)
 
-    def close(self) -> None:
-        """Note it."""
-        self.closed = True
-
 
 #: Performers of whom everything is known.
 ANYBODY: Any = SimpleNamespace(skeleton_of=lambda _: STICK, carried=lambda _: CARRIED)
-
-
-def test_everything_is_published() -> None:
-    """Answers, events, classes, notices and the status are sent as they are encoded, with names unless told not to."""
-    sender, open_to_all = Sender(), Sender()
-    sink = ZmqSink(sender)  # type: ignore[arg-type]  # not all of a sender is used
-    answer = Recognition("ann", 1.0, Outcome.NAMED, ("bow",), np.ones(1), 0.1)
-    event = Event("ann", EventKind.START, "bow", 0, 0.5, 1.0)
-    done = Done("ann", "bow", 0, 0.0, 1.0, 0.9, 1.0, 1.0, 2)
-    status = Status(InputCounts(), PerformerCounts(), 0, {"ann": 30.0}, 0.0, 0.0)
-    sink.send(answer)
-    sink.send(event)
-    sink.send(done)
-    sink.send(Gone("ann"))
-    sink.send(Classes(("bow",)))
-    sink.send(status)
-    sink.send(State("ann", Step.WAITING))
-    assert sender.sent == [
-        zeromq.encode_recognition(answer),
-        zeromq_answers.encode_event(event),
-        zeromq_answers.encode_done(done),
-        zeromq_answers.encode_gone("ann"),
-        zeromq_answers.encode_classes(("bow",)),
-        zeromq_answers.encode_status(status),
-        [b"teach/", b'{"performer": "ann", "state": "waiting", "seconds": 0.0}'],
-    ]
-    ZmqSink(open_to_all, named=False).send(status)  # type: ignore[arg-type]  # as above
-    assert open_to_all.sent == [zeromq_answers.encode_status(status, named=False)]
-    sink.close()
-    assert (str(sink), sink.failed, sender.closed) == ("ZeroMQ here", 3, True)
 
 
 @pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 60.0, 119.88, 240.0])

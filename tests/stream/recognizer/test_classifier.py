@@ -74,22 +74,6 @@ def test_labels_come_back_as_they_came_with_probabilities() -> None:
     assert repr(classifier) == "MotionClassifier(skeleton=None, frame_rate=120.0, hop=0.1, timing=0.5)"
 
 
-def test_who_taught_is_said_and_groups_are_persons(builtin: MotionLibrary) -> None:
-    """Arrays name nobody, so the built-in library's persons teach, perhaps those who are asked; `groups` name them."""
-    some = [each for each in builtin.motions if each.actor in ("bd", "bk", "dg")][::9]
-    arrays, names, people = (
-        [each.positions for each in some],
-        [each.class_name for each in some],
-        [each.actor for each in some],
-    )
-    classifier = MotionClassifier()
-    assert classifier.fit(arrays, names).taught_by_ == ("bd", "bk", "dg", "mm", "tr")
-    assert classifier.fit(arrays, names, groups=people).taught_by_ == ("bd", "bk", "dg")
-    assert classifier.library_.actors == ("bd", "bk", "dg")
-    with pytest.raises(ValueError, match=f"groups: expected a person for each of {len(some)} clips, got 1"):
-        classifier.fit(arrays, names, groups=["bd"])
-
-
 def test_arrays_are_clips_of_the_skeleton_given() -> None:
     """Positions alone are named as a clip is; without a skeleton they are of HDM05's joints."""
     arrays = [each.positions for each in CLIPS]

@@ -26,7 +26,6 @@ NAMED, STILL, UNKNOWN = Outcome.NAMED, Outcome.STILL, Outcome.UNKNOWN
 HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
-ANYTHING = -math.inf
 MOVING = Signature({}, np.zeros(1), 0.1, 0.5, 0.5)
 
 
@@ -133,26 +132,6 @@ def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -
     assert decision.push(LiveWindows(alone), _seen(0.7), 0.0, 9.1)[1:3] == ("wave", math.inf)
 
 
-@pytest.mark.parametrize(
-    ("threshold", "stillness", "signature", "outcome"),
-    [
-        (ANYTHING, 0.0, MOVING, NAMED),
-        (math.inf, 0.0, MOVING, UNKNOWN),
-        (ANYTHING, 0.2, MOVING, STILL),
-        (math.inf, 0.1, MOVING, UNKNOWN),
-        (ANYTHING, 0.0, MOVING._replace(gap=0.0), NAMED),
-    ],
-)
-def test_reasons_for_naming_no_class(
-    index: WindowIndex, threshold: float, stillness: float, signature: Signature, outcome: Outcome
-) -> None:
-    """Too little evidence is unknown, a body that hardly moves still; the gap matters only to the paper's signature."""
-    decision = Decision(NEEDED, stillness=stillness)
-    decided = decision.push(LiveWindows(index, threshold), _seen(0.1, 1.0, 1.0, signature=signature), 0.01, 0.0)
-    assert decided.outcome is outcome
-    assert (decided.evidence.noise, decided.evidence.leads[0]) == (0.01, pytest.approx(0.9))
-
-
 @pytest.mark.parametrize(("gap", "outcome"), [(0.019, Outcome.AMBIGUOUS), (0.021, NAMED)])
 def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float, outcome: Outcome) -> None:
     """Then its movement is ambiguous, and it has no evidence."""
@@ -206,20 +185,6 @@ def test_an_event_holds_performer_and_score() -> None:
     assert end == Event("p", END, "jump", 1, 0.2, other.time)
     assert other == Event("p", START, "wave", 2, 0.9, other.time)
     assert start.time == pytest.approx(10 + NEEDED * HOP, abs=HOP + 1e-9)
-
-
-def test_alternating_guesses_start_nothing_new() -> None:
-    """While two classes alternate every few hops, the motion that goes on goes on, until it is ended once."""
-    decision = Decision(NEEDED)
-    _pushed(decision, _course((1.0, NAMED, 2)))
-    assert _pushed(decision, (_recognition(11 + k * HOP, k // 2 % 2) for k in range(300))) == []
-    going_on = decision.going_on
-    ended = decision.end(30.0)
-    assert (ended.kind, ended.label, ended.time, ended.score) == (END, "wave", 30.0, going_on.score)
-    assert (decision.end(31.0), decision.going_on) == (None, None)
-    # Another recogniser goes on with the motion: no second start, and one end.
-    other = Decision(NEEDED, going_on)
-    assert _told(_pushed(other, _course((1.0, NAMED, 2), (1.0, STILL, 0)))) == [(END, "wave")]
 
 
 def test_a_gap_adds_no_lead() -> None:

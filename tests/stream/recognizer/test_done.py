@@ -13,7 +13,7 @@ import pytest
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.own_frame import STEP, size_of
 from kinespace.library.windows.courses import Courses, path_of
-from kinespace.stream import Done, EventKind, Frame, Recognizer, Settings
+from kinespace.stream import Done, Frame, Recognizer, Settings
 from kinespace.stream.recognizer.done import DoneFollower
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
@@ -73,13 +73,6 @@ def test_what_was_done_between_two_slow_hops_is_said(index: WindowIndex) -> None
     assert [each.label for each in done] == [SQUAT] * 4
 
 
-def test_speed_and_size_are_those_of_the_performer(index: WindowIndex) -> None:
-    """A squat that is played faster is faster than before."""
-    clip = clips_of(SQUAT)[3]
-    (usual,), (faster,) = (said(index, [clip.positions], rate, false_alarms=60.0) for rate in (60.0, 100.0))
-    assert faster.speed > 1.05 * usual.speed
-
-
 @pytest.mark.parametrize("name", [SQUAT, ARMS])
 def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) -> None:
     """Of the first halves of motions none is done, of whole ones most are."""
@@ -96,15 +89,6 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     assert [each.label for each in said(index, [clip.positions])] == [SQUAT]
     taught = index.with_motions([replace(clip, class_name=NOTHING)])
     assert not said(taught, [clip.positions])
-
-
-@pytest.mark.slow
-def test_fewer_false_alarms_are_promised_with_fewer_motions(index: WindowIndex) -> None:
-    """What is said with a strict promise is also said with a lax one; with none nothing is said."""
-    clips = [clip.positions for name in (ARMS, SQUAT, DOWN) for clip in clips_of(name)[:2]]
-    counts = [len(said(index, clips, false_alarms=each)) for each in (0.0, 1.0, 60.0)]
-    assert counts == sorted(counts)
-    assert counts[0] == 0 < counts[2]
 
 
 def grown_by_definition(
@@ -197,21 +181,6 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
     assert {name for _, name in done} <= {name for _, name in begun}
 
 
-def test_a_motion_begins_once_before_it_is_done(index: WindowIndex) -> None:
-    """Each squat has one start, in its first two thirds; the start carries how sure it is."""
-    clip = clips_of(SQUAT)[3]
-    recognizer = Recognizer(index)
-    positions = np.concatenate([clip.positions, np.repeat(clip.positions[-1:], 60, axis=0)])
-    answers = [recognizer.push(Frame("p", place / 60, each)) for place, each in enumerate(positions)]
-    events = [event for answer in answers if answer for event in answer.events]
-    done = [answer.done for answer in answers if answer and answer.done]
-    assert [(each.kind, each.label) for each in events] == [(EventKind.START, SQUAT), (EventKind.END, SQUAT)]
-    assert events[0].time < 0.67 * clip.duration
-    assert 0.5 < events[0].score < 1
-    assert [each.label for each in done] == [SQUAT]
-    assert events[0].time < done[0].end
-
-
 def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:
     """A library of postures has no course and no looks: evidence does not grow with the hours."""
     follower = DoneFollower(Courses.of([]), index.library.skeleton, 6.0)
@@ -221,40 +190,3 @@ def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown < 200_000
-
-
-def test_stillness_and_a_pause_begin_nothing(index: WindowIndex) -> None:
-    """A body that stands, and trembles by a millimetre, has no course."""
-    rng, stands = np.random.default_rng(3), clips_of(SQUAT)[3].positions[0]
-    positions = stands + rng.normal(0, 0.001, (300, *stands.shape))
-    recognizer = Recognizer(index)
-    answers = [recognizer.push(Frame("p", place / 60, each)) for place, each in enumerate(positions)]
-    assert not [answer for answer in answers if answer and (answer.done or answer.seen or answer.events)]
-
-
-@pytest.mark.slow
-def test_a_gap_and_another_library(index: WindowIndex) -> None:
-    """After a gap of seconds, and with another library, a motion is found again from its beginning on.
-
-    After a reset another performer may follow.
-    """
-    clip = clips_of(SQUAT)[3]
-    recognizer = Recognizer(index, Settings(false_alarms=60.0))
-
-    def pushed(since: float, stands: int = 60) -> list[str]:
-        still = np.repeat(clip.positions[-1:], stands, axis=0)
-        answers = [
-            recognizer.push(Frame("p", since + place / 60, each))
-            for place, each in enumerate(np.concatenate([clip.positions, still]))
-        ]
-        return [answer.done.label for answer in answers if answer and answer.done]
-
-    assert pushed(0.0) == [SQUAT]
-    assert pushed(100.0) == [SQUAT]
-    assert pushed(20.0) == [SQUAT]
-    recognizer.reset()
-    assert pushed(150.0) == [SQUAT]
-    recognizer.exchange(index.library.without(classes=[ARMS]))
-    assert pushed(200.0) == [SQUAT]
-    recognizer.exchange(index.library.without(classes=[SQUAT]))
-    assert pushed(300.0) == []

@@ -53,22 +53,6 @@ def test_what_is_promised_and_missed(sticks: MotionLibrary, settings: Settings, 
 # --- joints ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [range(6), [3, 1, 0, 2, 5, 4]])
-@pytest.mark.parametrize("times", [1, 200])
-def test_joints_in_any_order_once_or_repeatedly_named(sticks: MotionLibrary, order: Sequence[int], times: int) -> None:
-    """The answers are as in the library's order, for this performer alone; a repeated announcement changes nothing."""
-    frames, performers, answers = _frames("p", "wave"), Performers(sticks), []
-    for index, frame in enumerate(_with_joints(frames, order)):
-        if index < times:
-            performers.announce(Announcement("p", _named(order)), 0.0)
-        answers += _pushed(performers, [frame])
-        assert performers.ordered(frame).positions.tolist() == frames[index].positions.tolist()  # type: ignore[union-attr]
-    assert_same(answers, _alone(sticks, frames))
-    assert_same(_pushed(performers, _frames("q", "jump")), _alone(sticks, _frames("q", "jump")))
-    assert (performers.names, performers.compared, performers.refused) == (("p", "q"), {}, {})
-    assert performers.counts.recognizers.frames == 400
-
-
 def test_joints_that_are_assumed(sticks: MotionLibrary) -> None:
     """Senders who name none have the assumed ones; announcing these later changes nothing; one may not be missing."""
     order, frames = [1, 0, 3, 2, 5, 4], _frames("p", "bow")
@@ -80,20 +64,6 @@ def test_joints_that_are_assumed(sticks: MotionLibrary) -> None:
     assert_same(answers, _alone(sticks, frames))
     with pytest.raises(SkeletonMismatchError):
         Performers(sticks, joints=SentJoints(FIVE))
-
-
-def test_other_joints_begin_a_new_window(sticks: MotionLibrary) -> None:
-    """Once another order is announced only frames that came after count; with fewer joints the motion ends."""
-    performers, order = Performers(sticks), [1, 0, 3, 2, 5, 4]
-    started = [event for answer in _pushed(performers, _frames("p", "bow")) for event in answer.events]
-    performers.announce(Announcement("p", _named(order)), 0.0)
-    after = _frames("p", "wave", start=200 / 120)
-    answers = _pushed(performers, _with_joints(after, order))
-    assert_same(answers, _alone(sticks, after), "events")
-    performers.announce(Announcement("p", FIVE), 0.0)
-    events = [*started, *(event for answer in answers for event in answer.events), *performers.drop_silent(0.0)]
-    assert _told(events)[:1] == [("p", "start", "bow")]
-    assert _told(events)[-1:] == [("p", "end", "wave")]
 
 
 @pytest.mark.parametrize("joints", [STICK.joints[:4], ("nobody", "noone", *STICK.joints[2:]), ("x",)])
@@ -288,18 +258,6 @@ def test_the_silent_and_the_idle_make_room(sticks: MotionLibrary) -> None:
         performers.push(frame, 4.0 + index / 120)
         performers.push(Frame("d", frame.time, POSE), 4.0 + index / 120)
     assert performers.names == ("c",)
-
-
-def test_a_performer_with_a_lost_joint_is_doubted(sticks: MotionLibrary) -> None:
-    """The note names the joint."""
-    performers, frames = Performers(sticks), _frames("p", "bow")
-    _pushed(performers, frames)
-    assert performers.doubted == {}
-    lost = [replace(each, time=each.time + 200 / 120, positions=each.positions.copy()) for each in frames]
-    for each in lost:
-        each.positions[5] = np.nan
-    _pushed(performers, lost)
-    assert performers.doubted == {"p": "joints: done without foot"}
 
 
 # --- another library ---------------------------------------------------------------------------------------------

@@ -206,27 +206,6 @@ def test_in_another_library_no_window_and_no_answer_is_lost(
         assert (answer.time, answer.classes) == (other.time, ("jump", "wave"))
 
 
-def test_more_sensitivity_names_more(
-    sticks: MotionLibrary, small_library: MotionLibrary, some_clips: tuple[Clip, ...]
-) -> None:
-    """From the next hop on; the paper's signature has no sensitivity."""
-    named = []
-    for share in (0.0, 0.2, 1.0):
-        recognizer = Recognizer(small_library)
-        recognizer.set_sensitivity(share)
-        named.append(0)
-        for clip in some_clips[::5]:
-            recognizer.reset()
-            frames = (Frame("p", time, each) for time, each in zip(clip.times[::4], clip.positions[::4], strict=True))
-            named[-1] += sum(answer.outcome is Outcome.NAMED for answer in pushed(recognizer, frames))
-        assert recognizer.settings.sensitivity == share
-    assert named == sorted(named)
-    assert named[0] < named[-1]
-    paper = Recognizer(sticks, Settings(LiveSignature.PAPER))
-    paper.set_sensitivity(0.5)
-    assert paper.settings.sensitivity is None
-
-
 # --- senseless frames --------------------------------------------------------------------------------------------
 
 STRANGE = st.sampled_from([0.0, 1.0, -1.0, 1e-3, 1e-160, 5e-324, 1e7, -0.9 * MAX_DISTANCE / 5, 3.0])
@@ -269,16 +248,6 @@ def test_nothing_that_is_a_frame_stops_it(
             assert np.isfinite([*numbers, answer.movement, answer.margin]).all()
             assert min(*numbers, answer.movement) >= 0.0
             assert max(numbers) <= 1.0
-
-
-def test_the_noise_of_a_feed_is_evidence(sticks: MotionLibrary) -> None:
-    """The noise of the distances is estimated, and is part of the evidence; a clean feed has hardly any."""
-    clean, generator = _frames("bow"), np.random.default_rng(3)
-    noisy = [replace(each, positions=each.positions + 0.02 * generator.normal(size=(6, 3))) for each in clean]
-    expected, answers = (pushed(Recognizer(sticks), frames) for frames in (clean, noisy))
-    noise = [answer.evidence.noise for answer in answers if answer.evidence]
-    assert noise[-1] == pytest.approx(0.02 * 2**0.5, rel=0.3)
-    assert max(answer.evidence.noise for answer in expected if answer.evidence) < 0.005
 
 
 def _with_pauses(clips: Iterable[Clip], noise: float, sway: float) -> Iterator[Frame]:

@@ -11,8 +11,8 @@ from performed import pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc, zeromq
-from kinespace.stream.outputs import LayoutSink, NativeLayout, Sink, ZmqSink
+from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc
+from kinespace.stream.outputs import Sink
 from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
@@ -20,11 +20,8 @@ from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
 from kinespace.stream.status import InputCounts
-from kinespace.stream.teaching import Asked, State, Step, commands
-from kinespace.stream.zeromq import Endpoint
+from kinespace.stream.teaching import Asked, commands
 
-LOOPBACK = "127.0.0.1"
-ANY_PORT = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: Seconds a test waits for something that must happen, before it gives up.
 PATIENCE = 60.0
 
@@ -277,22 +274,6 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(
 # --- over real sockets -------------------------------------------------------------------------------------------
 
 
-def test_answers_that_cannot_be_sent_are_counted(sticks: MotionLibrary, opened: ExitStack) -> None:
-    """Answers that the system does not send are counted as unsent in the status."""
-    listener = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0)))
-    source = opened.enter_context(closing(FakeSource([[frame] for frame in _frames("bow")])))
-    osc_sink = LayoutSink(NativeLayout(), osc.OscSender(*listener.address))
-    zmq_sink = ZmqSink(zeromq.ZmqSender(ANY_PORT))
-    service = Service(Performers(sticks), [source], [osc_sink, zmq_sink])
-    osc_sink.close()
-    zmq_sink.close()
-    service.step(0.0)
-    status = service.status()
-    # Each failed to send the classes, the first status, every answer, the start of the one motion, and the bows done.
-    done = sum(bool(each.done) for each in _expected(sticks, _frames("bow")))
-    assert status.unsent == 2 * (2 + status.outcomes.recognizers.hops + 1 + done)
-
-
 class FakeControl:
     """Keeps the commands it gets."""
 
@@ -331,14 +312,6 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
         assert bool(sink.events) is answers
         if not answers:
             assert {(each.label, each.score, each.guess_index) for each in sink.recognitions} == {("unknown", 0.0, -1)}
-
-
-def test_without_a_control_a_command_is_refused(sticks: MotionLibrary) -> None:
-    """Whoever listens to the answers hears why."""
-    sink, refused = FakeSink(), Asked(None, "teaching is off")
-    with closing(FakeSource([[refused]])) as source:
-        Service(Performers(sticks), [source], [sink]).step(0.0)
-    assert sink.notices == [State("", Step.REFUSED, 0.0, "teaching is off")]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from synthetic import gesture, stick_clip
+from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
 from kinespace.library.teaching.examples import Check, Roster
@@ -287,18 +287,6 @@ def test_a_lesson_of_nothing_is_offered_until_it_was_given() -> None:
         assert getattr(stage.teacher.checked(number, None, Tried())[1], "reason", "") == "good"
 
 
-def test_a_nod_is_recorded_after_a_quiet_countdown() -> None:
-    """Who stands in the countdown without trembling begins with a small movement of the head alone."""
-    stage = Stage()
-    nod = gesture("nod").positions
-    stage.show([nod[0]] * 60)
-    stage.ask(commands.Teach("ann", "nod", 2, 2.0))
-    stage.show([nod[0]] * 150)
-    for _ in range(2):
-        stage.show(nod)
-    assert [each.seconds for each in stage.teacher.roster.of("nod")] == [pytest.approx(2.0, abs=0.4)] * 2
-
-
 def test_a_hole_in_the_feed_makes_no_example() -> None:
     """A recording with missing frames is refused, also of the last seconds; a lesson ends with it."""
     stage = _asked("wave", 2)
@@ -448,22 +436,6 @@ def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
     stage.ask(commands.Right("ann"))
     stage.show([*motion.positions, *motion.positions[::-1]] * 6)
     assert [each.class_name for each in stage.teacher.roster.examples] == ["squat1Reps"] * 2
-
-
-@pytest.mark.parametrize("lasts", [0.1, 0.5, None])
-def test_a_false_start_is_taken_at_once_whatever_its_length(lasts: float | None) -> None:
-    """With a second and a half before it and up to now, though hardly anything moved, and though it goes on."""
-    stage = Stage()
-    stage.stand(3.0)
-    stage.teacher.named.push(_event(EventKind.START, 100 + stage.now))
-    stage.stand(lasts or 0.5)
-    if lasts:
-        stage.teacher.named.push(_event(EventKind.END, 100 + stage.now))
-    stage.ask(commands.Wrong())
-    (example,) = stage.teacher.roster.examples
-    assert (example.class_name, example.seconds) == ("nothing", pytest.approx(1.5 + (lasts or 0.5), abs=0.1))
-    stage.stand(1.0)
-    assert len(stage.teacher.roster.examples) == 1
 
 
 def test_what_surrounds_a_false_start_ends_where_other_motions_or_pauses_are() -> None:

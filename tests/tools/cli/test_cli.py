@@ -11,8 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import ROOT
 
-from kinespace.tools.cli import entry
-from kinespace.tools.cli import main as front
 from kinespace.tools.cli.main import PROGRAMS, main
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
@@ -41,57 +39,6 @@ def test_help_lists_every_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert ended.value.code == 0
     first_words = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("    ")}
     assert set(PROGRAMS) <= first_words
-
-
-#: Arguments that no program can follow, and a part of the one line that says so.
-WRONG = [
-    ("", ": error: the following arguments are required"),
-    ("dance", ": error: "),
-    ("lvie", ", perhaps live or listen is meant;"),
-    ("latency --seconds 0", "--seconds: expected a positive number, got 0"),
-    ("evaluate teach --draws 1.5", "--draws: expected a whole number above 0, got 1.5"),
-    ("live --hop -1", "--hop: expected a number not below 0, got -1"),
-    ("live --performers 0 --osc-in :0", "most: expected 1 to 10000 performers, got 0"),
-    ("live --hop 1e-9 --osc-in :0", "hop: expected 0, or 0.001 to 60 seconds, got 1e-09"),
-    (
-        "live --osc-in :0 --out max=127.0.0.1:0",
-        "--out: expected HOST:PORT, the port from 1 to 65535, got '127.0.0.1:0'",
-    ),
-    ("live --osc-in :0 --osc-out :0", "--osc-out: expected HOST:PORT, the port from 1 to 65535, got '127.0.0.1:0'"),
-    ("live --libary none", "kinespace live: error: unknown argument --libary, perhaps --library is meant;"),
-    ("live --signature papr", ", perhaps paper is meant;"),
-    ("live --window 0.5", "--window: expected --signature paper with it, got windows"),
-    ("live --osc-in :0 --signature paper --window 1e9", "--window: expected seconds that memory has room for"),
-    ("live --feed rokokko", "got 'rokokko', perhaps rokoko is meant"),
-    ("live --feed nowhere.toml", "nowhere.toml: No such file or directory"),
-    ("live --osc-in :0 --out max,puredat", "got 'puredat', perhaps puredata is meant"),
-    ("live --osc-in :0 --out unity", "--out: expected one of "),
-    ("live --zmq-in tcp://127.0.0.1:* --out max=sender", "--out: expected an OSC feed to reply to, got none"),
-    ("live --osc-in here", "--osc-in: expected HOST:PORT, the port from 0 to 65535, got 'here'"),
-    ("live --osc-in nohost.invalid:9000", "nohost.invalid:9000: "),
-    ("live --zmq-in here", "--zmq-in: expected an address like tcp://127.0.0.1:5556, got 'here'"),
-    ("live --zmq-in pigeon://here", "pigeon://here: Protocol not supported"),
-    ("live --sensitivity 1.1", "--sensitivity: expected a share from 0 to 1, got 1.1"),
-    ("replay squat", "squat: no such file or folder, perhaps squat1Reps is meant"),
-    ("replay squat1Reps --unit cm", "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names"),
-    ("replay squat1Reps --from 60", "expected --from and --to within its "),
-    ("replay squat1Reps --from 2 --to 1", "--to: expected more than --from (2), got 1"),
-    ("latency --json", "--json: expected --transport osc or zmq with it, got both"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "message"), WRONG)
-def test_wrong_arguments_end_with_2(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A wrong program, option, value or name ends with 2 and one line that names it, and with its neighbours."""
-    try:
-        status = main(arguments.split())
-    except SystemExit as ended:
-        status = ended.code  # type: ignore[assignment]  # argparse gives a number
-    assert status == 2
-    out, err = capsys.readouterr()
-    (line,) = err.splitlines()
-    assert (out, line[:9]) == ("", "kinespace")
-    assert message in line
 
 
 @pytest.mark.parametrize(
@@ -183,14 +130,6 @@ def test_any_text_is_an_address_or_refused(text: str) -> None:
     else:
         assert host
         assert 0 <= port <= 65535
-
-
-@pytest.mark.parametrize("status", [0, 2])
-def test_the_status_is_the_programs(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The program's status is the process's exit status."""
-    monkeypatch.setattr(front, "main", lambda: status)
-    monkeypatch.setattr(entry, "interrupt_on_signals", lambda: None)
-    assert entry.main() == status
 
 
 def test_ctrl_c_while_it_loads_ends_it_quietly() -> None:

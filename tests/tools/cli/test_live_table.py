@@ -21,18 +21,8 @@ from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.tools.cli import live_table
-from kinespace.tools.cli.console import (
-    console,
-    csv_text,
-    log_as,
-    note,
-    printable,
-    require_place_for,
-    say,
-    table_of,
-)
+from kinespace.tools.cli.console import csv_text, log_as, note, say
 from kinespace.tools.cli.live_table import LiveTable, PlainLines, counts, summary
-from kinespace.tools.cli.main import main
 
 CLASSES = ("bow", "jump", "wave")
 
@@ -227,54 +217,7 @@ def test_a_log_that_cannot_be_written_is_an_error_without_a_traceback(
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("name", ["[/]", "[bold]me[/bold]", ":smile:", "[link=x]"])
-def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Markup and emoji codes in a name are printed character for character."""
-    console.print(f"<{name}>")
-    assert capsys.readouterr().out == f"<{name}>\n"
-
-
-def test_names_cannot_steer_the_terminal() -> None:
-    """Control characters, line ends and half pairs in a name are replaced, everything printable is kept."""
-    assert printable("Zoë 舞 🕺") == "Zoë 舞 🕺"
-    replaced = printable("a\x1b[2Jb\nc\rd\u202e\ud800")
-    assert replaced == "a\N{REPLACEMENT CHARACTER}[2Jb\ufffdc\ufffdd\ufffd\ufffd"
-
-
-def test_other_columns_give_way_before_a_name_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Headings wrap between words to make room for names; only names longer than all there is are folded, not cut."""
-    monkeypatch.setattr(console, "width", 80)
-    for longest, lines in ((40, 1), (70, 2)):
-        name, terminal = "abcdefghij" * (longest // 10), Console(file=StringIO(), width=80)
-        terminal.print(table_of("", ("name", *["a rather long heading"] * 3), [(name, "1", "2", "3")]))
-        assert isinstance(terminal.file, StringIO)
-        found = [word for word in terminal.file.getvalue().split() if word in name and len(word) > 4]
-        assert len(found) == lines
-        assert "".join(found) == name
-
-
 @pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("-head", "'-head"), ("head", "head")])
 def test_no_cell_is_computed(text: str, cell: str) -> None:
     """A name that a spreadsheet would take for a formula has an apostrophe before it."""
     assert csv_text(text) == cell
-
-
-@pytest.mark.parametrize("command", [("evaluate", "stream", "nowhere", "--answers")], ids=" ".join)
-def test_a_table_without_a_place_is_refused_before_the_work(
-    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A missing folder, or a folder in the table's place, is one line, before any file is read."""
-    assert main([*command, str(tmp_path / "missing" / "a.csv")]) == 2
-    assert capsys.readouterr().err == f"kinespace: {tmp_path / 'missing'}: No such file or directory\n"
-    assert main([*command, str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"kinespace: {tmp_path}: Is a directory\n"
-
-
-def test_an_existing_file_is_kept_unless_overwrite(tmp_path: Path) -> None:
-    """A file may be written over only with the option; a new file always."""
-    path = tmp_path / "a"
-    require_place_for(path, overwrite=False)
-    path.touch()
-    require_place_for(path)
-    with pytest.raises(FileExistsError, match="exists already; --overwrite writes over it"):
-        require_place_for(path, overwrite=False)

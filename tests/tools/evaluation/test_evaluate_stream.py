@@ -1,21 +1,18 @@
 """`kinespace evaluate stream`: the takes and libraries of each protocol replayed by hand, and what options change."""
 
 import csv
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from takes import write_take
+from recorded import write_take
 
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
-from kinespace.stream import Frame, Recognizer, Settings
+from kinespace.stream import Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
-from kinespace.tools.evaluation.stream_score import Course
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -49,28 +46,6 @@ def library(folder: Path, takes: list[Take]) -> Path:
 
 def _evaluate(*arguments: object) -> int:
     return main(["evaluate", "stream", *map(str, arguments)])
-
-
-def _replayed(asking: Take, library_of: Sequence[Take]) -> Course:
-    """Replay a take, recognised by motions cut from others."""
-    library = MotionLibrary.of_clips([motion for take in library_of for motion in take.motions()])
-    return course(asking, library, CLASSES, Settings())
-
-
-def test_a_sensors_frames_come_at_their_own_times(takes: list[Take]) -> None:
-    """Of a take whose sensor skipped frames only the frames that it delivered are replayed, at their times."""
-    delivered = np.flatnonzero(np.random.default_rng(1).random(takes[0].clip.frames) < 0.6)
-    played = _replayed(replace(takes[0], delivered=delivered), takes[1:])
-    library = MotionLibrary.of_clips([motion for take in takes[1:] for motion in take.motions()])
-    recognizer, guess, guesses = Recognizer(library, Settings()), -1, list[int]()
-    clip = takes[0].clip.as_of(library.skeleton)
-    for frame in delivered.tolist():
-        answer = recognizer.push(Frame("p", float(clip.times[frame]), clip.positions[frame]))
-        if answer is not None:
-            guess = CLASSES.index(answer.classes[answer.best]) if answer.guess_index >= 0 else -1
-        guesses.append(guess)
-    np.testing.assert_array_equal(played.times, clip.times[delivered])
-    assert played.guess.tolist() == guesses
 
 
 def test_answers_and_segments_are_tables(folder: Path, takes: list[Take], library: Path, tmp_path: Path) -> None:

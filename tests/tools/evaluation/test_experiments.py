@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recorded import write_takes
-from takes import write_take
+from recorded import write_clips, write_take
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
@@ -72,7 +71,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     write_take(takes, 1, [("clap", 1.5), ("hail", 1.5), ("row", 1.5)], person="ann")
     write_take(takes, 1, [("row", 1.5), ("clap", 1.5)], person="ben")
     write_take(takes, 1, [("hail", 1.5), ("salute", 1.5)], person="cid")
-    write_takes(clips)
+    write_clips(clips)
     return {"takes": takes, "clips": clips}
 
 

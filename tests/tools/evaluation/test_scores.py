@@ -24,7 +24,7 @@ from kinespace.tools.evaluation.annotations import is_annotation, write_annotati
 from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, Take, folds_of
-from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, counted_in, course_of, score_courses
+from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
 from kinespace.tools.evaluation.words import (
     KINDS,
     DoneTake,
@@ -366,35 +366,6 @@ def test_five_of_a_class_are_counted(count: int, right: float) -> None:
     assert score_done([DoneTake(Take(CLIP, segments), {"bow"}, said)])["counted_right"] == right
 
 
-B, J, OF = "bow", "jump", Outcome
-#: Time, outcome and guess of answers to a second of bowing, one of jumping and one of juggling.
-ANSWERS = (
-    (0.2, OF.NAMED, J),
-    (0.6, OF.NAMED, B),
-    (0.8, OF.UNKNOWN, B),
-    (1.6, OF.STILL, J),
-    (1.7, OF.IMPLAUSIBLE, J),
-    (1.8, OF.NAMED, B),
-    (2.6, OF.NAMED, B),
-    (2.8, OF.UNKNOWN, J),
-    (3.5, OF.NAMED, B),
-)
-
-
-def _answers() -> list[Recognition]:
-    classes = (B, J)
-    return [Recognition("p", time, each, classes, np.ones(2), 0.1, guess=classes.index(g)) for time, each, g in ANSWERS]
-
-
-def test_answers_counted_by_hand() -> None:
-    """Answers count by what is performed then; those at a segment's beginning, and outside of all, do not count."""
-    take = Take(stick_clip("bow"), (Segment(0, 1, B), Segment(1, 2, J), Segment(2, 3, "juggle")))
-    counts = counted_in(take, (B, J), _answers(), inside=0.5)
-    expected = {"answers": 5, "right": 1, "guessed": 2, "wrong": 1, "implausible": 1, "unknown": 2, "unknown_named": 1}
-    assert counts == expected
-    assert not counted_in(take, (B, J), [])
-
-
 def _played(fault: str) -> tuple[Feed, Feed]:
     clip = MotionLibrary.builtin().motions[0]
     feed = Feed.of(clip, clip.skeleton)
@@ -634,20 +605,3 @@ def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol
         others = [name for each in own if each != person for name in own[each]]
         asking, library = (others, own[person]) if protocol is Protocol.ONE_PERSON else (own[person], others)
         assert (_names(fold), _sources(fold)) == (asking, set(library))
-
-
-@pytest.mark.parametrize(
-    ("kept", "protocol", "message"),
-    [
-        (slice(0, 1), Protocol.LEAVE_ONE_TAKE_OUT, "leave-one-take-out: expected at least two labelled takes, got 1"),
-        (slice(0, 0), Protocol.LEAVE_ONE_TAKE_OUT, "expected at least two labelled takes, got none"),
-        (slice(0, 2), Protocol.ONE_PERSON, "--protocol one-person: expected at least two labelled persons, got 1"),
-        (slice(4, 5), Protocol.LEAVE_ONE_PERSON_OUT, "expected at least two labelled persons, got 1"),
-    ],
-)
-def test_a_protocol_without_motions_is_an_error(
-    takes: list[Take], kept: slice, protocol: Protocol, message: str
-) -> None:
-    """One take, or one person, leaves no motion for a library; unlabelled takes do not help."""
-    with pytest.raises(ValueError, match=message):
-        folds_of([*takes[kept], _take("zoe", 7, NOTHING)], protocol, _unused)

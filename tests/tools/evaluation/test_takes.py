@@ -1,7 +1,6 @@
 """Takes and shows that are evaluated, gestures that teach, and peers."""
 
 import argparse
-import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +8,8 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from recorded import SWINGS, write_takes
+from recorded import write_take
 from synthetic import stick_clip
-from takes import write_take
 
 from kinespace.library import NOTHING, MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
@@ -54,19 +52,6 @@ def test_labelled_takes_have_their_segments_and_persons(folder: Path) -> None:
     assert all(take.is_known and take.contains == () and take.delivered is None for take in takes)
 
 
-def test_motions_are_cut_out(folder: Path) -> None:
-    """Each segment is a motion of its label, with its frames, by the take's person."""
-    take, *_ = read_takes(Sources([folder]), BY_NAME)
-    first, second = take.motions()
-    assert [(each.class_name, each.frames, each.actor) for each in (first, second)] == [
-        ("clap", 120, "ann"),
-        ("row", 120, "ann"),
-    ]
-    assert np.array_equal(second.positions, take.clip.positions[120:])
-    (part,) = replace(take, segments=(Segment(0.25, 0.75, "hail"),)).motions()
-    assert part.frames == 60
-
-
 def test_labels_get_other_names(folder: Path) -> None:
     """Segments are renamed; a name for a label that no take has is refused, also when takes are left out."""
     takes = read_takes(Sources([folder], names={"row": "pull"}), BY_NAME)
@@ -76,17 +61,6 @@ def test_labels_get_other_names(folder: Path) -> None:
 
 
 # --- clips -------------------------------------------------------------------------------------------------------
-
-
-def test_clips_named_as_hdm05_are_one_motion(tmp_path: Path) -> None:
-    """A clip with its class in its name is one motion from its beginning to its end."""
-    write_takes(tmp_path, takes=1, frames=60)
-    takes = read_takes(Sources([tmp_path]), Reading())
-    assert {(take.segments[0].label, take.person) for take in takes} == {(n, a) for n in SWINGS for a in ("bd", "mm")}
-    for take in takes:
-        assert take.segments == (Segment(0.0, 0.5, take.clip.class_name),)
-        (motion,) = take.motions()
-        assert (motion.frames, motion.class_name) == (60, take.clip.class_name)
 
 
 def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
@@ -122,20 +96,8 @@ def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
         ("ann_01", "7", ("clap", "pull"), ()),
         ("ben_01", "8", (), (Segment(0.0, 1.0, NOTHING),)),
     ]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("file,subject,contains\n", "expected the columns file, subject, contains, perhaps, no perhaps in it"),
-        ("", "expected the columns file, subject, contains, perhaps, no file, subject, contains, perhaps in it"),
-        (HEADER + ",7,1,clap,\n", "takes.csv:2: expected the name of a file, got none"),
-    ],
-)
-def test_a_table_that_says_nothing_is_refused(folder: Path, text: str, message: str) -> None:
-    """Missing columns and missing names are reported with the file."""
-    with pytest.raises(LabelError, match=re.escape(message)):
-        read_takes(Sources(tables=[_table(folder, text)]), Reading())
+    with pytest.raises(LabelError, match=r"takes.csv:2: expected the name of a file, got none"):
+        read_takes(Sources(tables=[_table(folder, HEADER + ",7,1,clap,\n")]), Reading())
 
 
 SEGMENTS = tuple(

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -48,35 +47,6 @@ def _node_modules() -> Path | None:
     return next((each for each in places if (each / "node-osc").is_dir()), None)
 
 
-def _require(program: str) -> str:
-    found = shutil.which(program)
-    if not found:
-        pytest.skip(f"{program} is not installed")
-    return found
-
-
-def _printed_by(run: Sequence[str], layout: str, environment: dict[str, str] | None = None) -> str:
-    """Run an example against a recogniser; give its output."""
-    listens, answers = free_udp_port(), free_udp_port()
-    options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
-    with started("live", *options, "--plain") as program:
-        program.expect("listening on")
-        command = [each.format(listens=listens, answers=answers) for each in run]
-        ran = subprocess.run(
-            command,
-            cwd=EXAMPLES,
-            env={**os.environ, **(environment or {})},
-            capture_output=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-        assert program.interrupt() == 0
-        assert "malformed" not in program.output
-    printed = (ran.stdout + ran.stderr).decode(errors="replace")
-    assert ran.returncode == 0, printed
-    return printed
-
-
 @pytest.mark.slow
 def test_the_squat_is_named_by_default() -> None:
     """The built-in library's default signature names it in most answers, and says once that it starts."""
@@ -86,19 +56,6 @@ def test_the_squat_is_named_by_default() -> None:
     answers = [each for each in pushed if each is not None]
     assert np.mean([each.label == SQUAT for each in answers]) > 0.8
     assert [(event.kind, event.label) for each in answers for event in each.events] == [(EventKind.START, SQUAT)]
-
-
-@pytest.mark.slow
-def test_pure_data_printed_by() -> None:
-    """The patch runs without a window, sends its frames and prints the class that is answered, and when it starts."""
-    pd = _require("pd")
-    sends = [part for each in ("listens {listens}", "answers {answers}", "times 2") for part in ("-send", each)]
-    # It leaves half a second after the last frame.
-    script = EXAMPLES / "puredata.pd"
-    printed = _printed_by([sys.executable, "-c", _PD, pd, *sends, str(script)], "puredata")
-    assert f"label: {SQUAT}" in printed
-    assert f"event: start {SQUAT}" in printed
-    assert "error" not in printed
 
 
 #: Runs Pure Data until the patch prints that it has sent all: Pure Data has no option to leave then.
@@ -111,46 +68,6 @@ with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
         if line.startswith("done"):
             pd.kill()
 """
-
-
-@pytest.mark.slow
-def test_node_printed_by(tmp_path: Path) -> None:
-    """The script sends its frames, prints the class that is answered, and meets no type that node-osc does not know."""
-    node, modules = _require("node"), _node_modules()
-    if modules is None:
-        pytest.skip("node-osc is not installed: npm install node-osc")
-    # A module looks for others from where it lies.
-    (tmp_path / "node_modules").symlink_to(modules)
-    for name in ("node.mjs", "squat.txt"):
-        shutil.copy(EXAMPLES / name, tmp_path)
-    printed = _printed_by([node, str(tmp_path / "node.mjs"), "{listens}", "{answers}", "2"], "native")
-    assert f"node: {SQUAT}\n" in printed
-    assert f"node: {SQUAT} starts at" in printed
-
-
-@pytest.mark.slow
-def test_supercollider_printed_by() -> None:
-    """The language sends its frames from the file beside it and posts the class that is answered."""
-    sclang = _require("sclang")
-    # Without a screen; as root Qt's browser refuses to start.
-    surroundings = {"QT_QPA_PLATFORM": "offscreen", "QTWEBENGINE_DISABLE_SANDBOX": "1"}
-    printed = _printed_by(
-        [sclang, "-u", "{answers}", str(EXAMPLES / "supercollider.scd"), "{listens}", "2"],
-        "supercollider",
-        surroundings,
-    )
-    assert f"sc: {SQUAT}" in printed
-
-
-@pytest.mark.slow
-def test_python_printed_by() -> None:
-    """The sender and the listener, in two processes, as in two terminals."""
-    run = [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"]
-    printed = _printed_by(run, "native")
-    assert f"python: {SQUAT}" in printed
-    assert f"python: {SQUAT} starts" in printed
-
-
 #: Starts the listener, waits until it has its port, runs the sender, and ends the listener once it has told a start and
 #: a class.
 _PYTHON = """
@@ -174,6 +91,59 @@ with subprocess.Popen(listening, stdout=subprocess.PIPE, text=True) as listener:
     print(told)
     listener.terminate()
 """
+_SENDS = [part for each in ("listens {listens}", "answers {answers}", "times 2") for part in ("-send", each)]
+#: By the program that must be there: how its example is run, the layout of the answers, and what it prints.
+LANGUAGES = {
+    # It leaves half a second after the last frame.
+    "pd": (
+        [sys.executable, "-c", _PD, "pd", *_SENDS, "puredata.pd"],
+        "puredata",
+        [f"label: {SQUAT}", f"event: start {SQUAT}"],
+    ),
+    # It meets no type that node-osc does not know.
+    "node": (["node", "node.mjs", "{listens}", "{answers}", "2"], "native", [f"node: {SQUAT}\n", f"{SQUAT} starts at"]),
+    "sclang": (["sclang", "-u", "{answers}", "supercollider.scd", "{listens}", "2"], "supercollider", [f"sc: {SQUAT}"]),
+    "python": (
+        [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"],
+        "native",
+        [f"python: {SQUAT}", f"python: {SQUAT} starts"],
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_an_example_gets_its_class(language: str, tmp_path: Path) -> None:
+    """Run against a recogniser, without a screen, it sends its frames and prints the class that is answered."""
+    if language != "python" and not shutil.which(language):
+        pytest.skip(f"{language} is not installed")
+    # A module looks for others from where it lies.
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    if language == "node":
+        modules = _node_modules()
+        if modules is None:
+            pytest.skip("node-osc is not installed: npm install node-osc")
+        (tmp_path / "node_modules").symlink_to(modules)
+    run, layout, expected = LANGUAGES[language]
+    listens, answers = free_udp_port(), free_udp_port()
+    options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
+    with started("live", *options, "--plain") as program:
+        program.expect("listening on")
+        ran = subprocess.run(
+            [each.format(listens=listens, answers=answers) for each in run],
+            cwd=tmp_path / "examples",
+            # As root Qt's browser refuses to start.
+            env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "QTWEBENGINE_DISABLE_SANDBOX": "1"},
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert program.interrupt() == 0
+        assert "malformed" not in program.output
+    printed = (ran.stdout + ran.stderr).decode(errors="replace")
+    assert ran.returncode == 0, printed
+    assert all(each in printed for each in expected), printed
+    assert language != "pd" or "error" not in printed
 
 
 @pytest.mark.slow

@@ -1,12 +1,9 @@
 """LSL both ways, on this machine alone: answers to pylsl's inlet, and positions from pylsl's outlet."""
 
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,20 +33,6 @@ def _this_machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("LSLAPICFG", str(file))
         yield
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("settings", [False, True])
-def test_lsl_says_nothing_at_its_start(settings: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: FBT001 - a parametrised test's argument
-    """Its library greets on standard error; where a person has settings of LSL's, these hold."""
-    monkeypatch.delenv("LSLAPICFG")
-    if settings:
-        (tmp_path / "lsl_api.cfg").write_text("[log]\nlevel = 0\n", encoding="utf-8")
-    code = "from kinespace.stream.outputs.lsl_sink import LslSink; LslSink().close()"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60.0
-    )
-    assert (done.returncode, bool(done.stderr)) == (0, settings)
 
 
 def _inlet(name: str) -> Any:  # noqa: ANN401 - pylsl has no types

@@ -28,8 +28,6 @@ from kinespace.library import Skeleton
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import State, Step, Taught
-from kinespace.stream.teaching.commands import as_json
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.messages import encode_body
 from kinespace.tools.cli.live_table import COUNTERS, counts
@@ -96,8 +94,8 @@ class FakeControl:
 class Served:
     """A running server."""
 
-    def __init__(self, published: Published, control: FakeControl | None, address: str) -> None:
-        self.published, self.control, self.address = published, control, address
+    def __init__(self, published: Published, address: str) -> None:
+        self.published, self.address = published, address
 
     def page(self, **options: Any) -> connect:  # noqa: ANN401 - the library's own options
         """Open a page as a browser does."""
@@ -112,7 +110,7 @@ async def serving(control: FakeControl | None = None) -> AsyncIterator[Served]:
     server = PageServer(published, control and control.ask, Gate())  # type: ignore[arg-type]  # stand-ins
     running = asyncio.create_task(server.run("127.0.0.1", 0, addresses.put_nowait, lambda: bool(ended)))
     try:
-        yield Served(published, control, await asyncio.wait_for(addresses.get(), PATIENCE))
+        yield Served(published, await asyncio.wait_for(addresses.get(), PATIENCE))
     finally:
         ended.append(True)
         await asyncio.wait_for(running, PATIENCE)
@@ -193,30 +191,6 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
     run(test())
 
 
-@pytest.mark.parametrize(
-    "request_line",
-    [
-        *(f"GET / HTTP/1.1\r\nHost: {host}" for host in ("[", "[::1", "[]", "127.0.0.1; script-src *")),
-        "GET /live?token=\xff HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://127.0.0.1",
-        "GET /%00.js HTTP/1.1\r\nHost: 127.0.0.1",
-    ],
-)
-def test_an_odd_request_leaves_no_traceback(request_line: str, caplog: pytest.LogCaptureFixture) -> None:
-    """It is refused like any other."""
-
-    async def test() -> None:
-        async with serving() as served:
-            host, _, port = served.address.removeprefix("http://").removesuffix("/").partition(":")
-            reading, writing = await asyncio.open_connection(host, int(port))
-            writing.write(f"{request_line}\r\n\r\n".encode("latin-1"))
-            reply = await reading.read()
-            writing.close()
-            assert reply.split()[1:2] in ([b"403"], [b"404"], [])
-        assert not [each for each in caplog.records if each.exc_info]
-
-    run(test())
-
-
 def test_strangers_and_crowds_are_refused() -> None:
     """A foreign origin gets no WebSocket, and no more pages are served than there is room for."""
 
@@ -250,10 +224,6 @@ def _answer(performer: str, class_name: str = "bow", score: float = 0.8) -> list
 
 def _event(performer: str, kind: EventKind, class_name: str, time: float) -> list[bytes]:
     return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, time))
-
-
-def _notice(notice: State | Taught) -> list[bytes]:
-    return [b"teach/", json.dumps(as_json(notice)).encode()]
 
 
 def _status(**fields: Any) -> list[bytes]:  # noqa: ANN401 - a status has fields of all kinds
@@ -321,21 +291,6 @@ def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:
     ]
     assert min(end for *_, end, _ in motions if end is not None) >= 200 - 70
     assert len(motions) == 7
-
-
-def test_a_lesson_becomes_a_bar() -> None:
-    """What is kept of a lesson stands on the timeline, marked as taught, as long as the table says."""
-    board = _board(_answer("ann"))
-    for moment, notice in (
-        (5.0, State("ann", Step.COUNTDOWN, 3.0)),
-        (8.0, State("ann", Step.RECORDING)),
-        (10.0, State("ann", Step.CHECKING, 1.8)),
-        (10.5, Taught("wave", 1, 1.8, "good")),
-    ):
-        board.take(_notice(notice), moment)
-    told = _told(board)[0]
-    assert told["motions"][0][2:6] == ["wave", 8.0, 9.8, "taught"]
-    assert [each["state"] for each in told["notices"]] == ["countdown", "recording", "checking", ""]
 
 
 def test_performers_come_and_go() -> None:
@@ -461,7 +416,18 @@ def test_other_machines_need_the_token(host: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "target", ["/../requests.py", "/static/page.js", "/%2e%2e/requests.py", "/page.py", "/..", "/.", "//x", "/a\\b.js"]
+    "target",
+    [
+        "/../requests.py",
+        "/static/page.js",
+        "/%2e%2e/requests.py",
+        "/page.py",
+        "/..",
+        "/.",
+        "//x",
+        "/a\\b.js",
+        "/%00.js",
+    ],
 )
 def test_only_the_pages_own_files_are_given(target: str) -> None:
     """No path leads out of the page's folder."""

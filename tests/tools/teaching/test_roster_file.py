@@ -1,8 +1,6 @@
 import errno
 import os
 import shutil
-import signal
-import subprocess
 import sys
 import threading
 import time
@@ -20,32 +18,6 @@ from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import Step
 from kinespace.tools.cli.console import require_place_for
 from kinespace.tools.teaching.roster_file import RosterFile
-
-#: A program that changes a roster at random; it says each change before it hands it over, and the newest one that is
-#: kept.
-CHANGES = """
-import sys, time
-from itertools import count
-from pathlib import Path
-import numpy as np
-from kinespace.library import MotionLibrary
-from kinespace.library.teaching.examples import Example, Roster
-from kinespace.tools.teaching.roster_file import RosterFile
-
-generator = np.random.default_rng(int(sys.argv[2]))
-file, motion = RosterFile(Path(sys.argv[1])), MotionLibrary.builtin().motions[0]
-roster, first = Roster.of_library(file.library) if file.library else Roster(), int(sys.argv[2])
-for change in count(first):
-    kept = roster.examples[-4:] if generator.random() < 0.1 else roster.examples
-    roster = Roster((*kept, Example(change, f"c{change}", motion, 0.0, 0.2)))
-    print("changed", change, time.monotonic(), flush=True)
-    file.save(roster)
-    time.sleep(generator.choice((0.0, 0.02, 0.1)))
-    if generator.random() < 0.2:
-        while file.has_unsaved:
-            time.sleep(0.01)
-        print("kept", change, flush=True)
-"""
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -249,36 +221,3 @@ def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip
     assert {*after.learned.named} == {*before.learned.for_other_motions().named} if before.learned else False
     before.save(path)
     assert {*_saved(path, bare).learned.named} == {*before.learned.named} if before.learned else False
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
-def test_a_program_that_is_killed_loses_no_change_that_was_kept(tmp_path: Path) -> None:
-    """At random moments among changes; the file is whole each time, and the next program opens it.
-
-    `KINESPACE_KILLS=200` kills so often, and then no example that is older than a second may be lost, either.
-    """
-    path, generator = tmp_path / "mine.npz", np.random.default_rng(31)
-    kills, young = int(os.environ.get("KINESPACE_KILLS", "2")), 1.0 if "KINESPACE_KILLS" in os.environ else PATIENCE
-    first, last_kept = 1, 0
-    for _ in range(kills):
-        program = subprocess.Popen(
-            [sys.executable, "-c", CHANGES, str(path), str(first)], stdout=subprocess.PIPE, text=True
-        )
-        said = [program.stdout.readline() for _ in range(generator.integers(1, 40))]
-        killed = time.monotonic()
-        program.send_signal(signal.SIGKILL)
-        said += program.stdout.readlines()
-        program.stdout.close()
-        program.wait()
-        numbers = {
-            what: [int(line.split()[1]) for line in said if line.startswith(what) and line.endswith("\n")]
-            for what in ("changed", "kept")
-        }
-        times = [float(line.split()[2]) for line in said if line.startswith("changed") and line.endswith("\n")]
-        old = [number for number, at in zip(numbers["changed"], times, strict=True) if at < killed - young]
-        there = [int(name[1:]) for name in MotionLibrary.load(path).classes] if path.exists() else []
-        last_kept = max([last_kept, *numbers["kept"], *old])
-        assert max(there, default=0) >= last_kept
-        first = max(numbers["changed"]) + 1
-    assert last_kept > 0

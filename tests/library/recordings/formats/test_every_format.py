@@ -222,7 +222,7 @@ def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, endi
     path = written(ending, tmp_path, np.random.default_rng(8), frames=3).path
     whole, content = read(path), path.read_bytes()
     read_anyway = 0
-    for length in range(0, len(content), 1 if ending in TEXTS else 7):
+    for length in range(0, len(content), 3 if ending in TEXTS else 7):
         path.write_bytes(content[:length])
         if clip := read_or_refused(path):
             read_anyway += clip.frames < whole.frames and not clip.notes
@@ -237,29 +237,7 @@ def test_a_file_cut_anywhere_is_refused_or_has_fewer_frames(tmp_path: Path, endi
     if ending == "amc":
         asf = tmp_path / "take.asf"
         text = asf.read_text()
-        for length in range(len(text)):
+        for length in range(0, len(text), 3):
             asf.write_text(text[:length])
             if clip := read_or_refused(path):
                 assert clip.skeleton == whole.skeleton
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ending", [*HIERARCHIES, *MARKERS, *TABLES, "asf"])
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    places=st.lists(
-        st.tuples(st.floats(0, 1), st.binary(max_size=12), st.integers(0, 40), st.booleans()), min_size=1, max_size=4
-    )
-)
-def test_rubbish_anywhere_is_refused_by_name_or_read(
-    tmp_path: Path, ending: str, places: list[tuple[float, bytes, int, bool]]
-) -> None:
-    """Bytes put in, taken out or changed end in a clip of finite numbers or in one error that names the file."""
-    path = written("amc" if ending == "asf" else ending, tmp_path, np.random.default_rng(9), frames=3).path
-    spoilt = path.with_suffix(f".{ending}")
-    content = spoilt.read_bytes()
-    for share, rubbish, lost, keeps_length in places:
-        place = int(share * len(content))
-        content = content[:place] + rubbish + content[place + (len(rubbish) if keeps_length else lost) :]
-    spoilt.write_bytes(content)
-    read_or_refused(path)

@@ -1,13 +1,19 @@
-"""`kinespace build`: recordings and libraries in, one motion library file out."""
+"""`kinespace build`, `cut` and `info`: recordings and libraries in, one motion library file out, and what is in it."""
 
+import csv
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import JOINTS, SWINGS, write_take, write_takes
-from synthetic import stick_clips
+from recorded import JOINTS, SWINGS, write_clip, write_clips
 
 from kinespace.library import NOTHING, MotionLibrary, read_recordings
+from kinespace.library.naming import hdm05
+from kinespace.library.windows.index import opened
+from kinespace.stream.frame import Frame
+from kinespace.stream.inputs.kinerec import RawPacket, RawWriter
+from kinespace.stream.osc.messages import encode_frame
 from kinespace.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
@@ -30,7 +36,7 @@ def positions_alike(first: MotionLibrary, second: MotionLibrary) -> bool:
 def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
     (tmp_path / "cut").mkdir()
-    paths = write_takes(tmp_path / "cut")
+    paths = write_clips(tmp_path / "cut")
     output = tmp_path / "mine.npz"
     assert build(tmp_path / "cut", "-o", output) == 0
     built = MotionLibrary.load(output)
@@ -44,7 +50,7 @@ def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Labels beside a take with its name are used, and odd labels cause a remark."""
-    cut, whole = write_take(tmp_path, "bd", "bendLeft", 1), write_take(tmp_path, "bd", "bendLeft", 2)
+    cut, whole = write_clip(tmp_path, "bd", "bendLeft", 1), write_clip(tmp_path, "bd", "bendLeft", 2)
     cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
     output = tmp_path / "library.npz"
     assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
@@ -65,7 +71,7 @@ def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.Captur
 def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Files that are passed over, a second file of labels and labels of somebody else are listed."""
     (tmp_path / "cut").mkdir()
-    take = write_take(tmp_path / "cut", "bd", "bendLeft", 1)
+    take = write_clip(tmp_path / "cut", "bd", "bendLeft", 1)
     take.with_suffix(".csv").write_text("start_s,end_s,label,performer\n0,0.75,up,bd\n0.75,1.5,down,zoe\n")
     take.with_suffix(".txt").write_text("0.0\t0.75\tup\n")
     (tmp_path / "cut" / "notes.csv").write_text("day;weather\n")
@@ -99,9 +105,9 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     (tmp_path / "cut").mkdir()
     for actor in ("bd", "mm"):
         (tmp_path / actor).mkdir()
-        write_takes(tmp_path / actor, actors=(actor,), takes=1)
+        write_clips(tmp_path / actor, actors=(actor,), takes=1)
         build(tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
-    write_takes(tmp_path / "cut", actors=("bd", "tr"), takes=1)
+    write_clips(tmp_path / "cut", actors=("bd", "tr"), takes=1)
     sources = (tmp_path / "bd.npz", tmp_path / "mm.npz", tmp_path / "cut")
     assert build(*sources, "-o", tmp_path / "all.npz") == 0
     assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
@@ -126,45 +132,124 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     }
 
 
-@pytest.mark.parametrize(
-    ("options", "error"),
-    [
-        (("--without", "zz"), "--without: expected a class or a person (bow, jump, wave, aa, bb), got 'zz'"),
-        (("--without", "aa,bb"), "motions: expected at least one, got none"),
-        (("--rename", "zz=bow"), "--rename: expected a class (bow, jump, wave), got 'zz'"),
-        (
-            ("--without", "bow", "--rename", "bow=bend"),
-            "--rename: expected a class (bow, jump, wave) that stays, got 'bow'",
-        ),
-        (
-            ("--rename", "bow=nothing", "jump=nothing", "--rename", "wave=nothing"),
-            "motions: expected some of another class than 'nothing', got none",
-        ),
-    ],
-)
-def test_changes_that_cannot_be_made_are_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], error: str
-) -> None:
-    """A class or person that is missing, or a library without motions, ends the build with one line."""
-    MotionLibrary.of_clips(stick_clips(takes=1)).save(tmp_path / "stick.npz")
-    assert build(tmp_path / "stick.npz", "-o", tmp_path / "mine.npz", *options) == 2
-    assert capsys.readouterr().err == f"kinespace: {error}\n"
-    assert not (tmp_path / "mine.npz").exists()
-
-
 # --- the file ----------------------------------------------------------------------------------------------------
 
 
-def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An existing file is refused before any file is read; with --overwrite it is replaced as a whole."""
+def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path) -> None:
+    """With --overwrite; `test_bad_input` tries it without."""
     (tmp_path / "cut").mkdir()
     (tmp_path / "made").mkdir()
     output = tmp_path / "made" / "mine.npz"
     output.write_bytes(b"something else")
-    write_takes(tmp_path / "cut", takes=1)
-    assert build(tmp_path / "nowhere", "-o", output) == 2
-    assert capsys.readouterr().err == f"kinespace: {output}: exists already; --overwrite writes over it\n"
-    assert output.read_bytes() == b"something else"
+    write_clips(tmp_path / "cut", takes=1)
     assert build(tmp_path / "cut", "-o", output, "--overwrite") == 0
     assert len(MotionLibrary.load(output)) == 6
     assert list(output.parent.iterdir()) == [output]
+
+
+# --- cut -------------------------------------------------------------------------------------------------------------
+
+
+STILL = 1.0
+MOTIONS = (0, 40, 130)
+
+
+@pytest.fixture
+def evening(tmp_path: Path) -> Path:
+    """Record two performers who stand still between motions; the second comes three seconds later."""
+    library, generator = MotionLibrary.builtin(), np.random.default_rng(0)
+    frames = []
+    for performer, begin in (("ann", 100.0), ("bo", 103.0)):
+        time = begin
+        for motion in (library.motions[index] for index in MOTIONS):
+            still = [motion.positions[0]] * round(STILL * 60), [motion.positions[-1]] * round(STILL * 60)
+            for positions in (*still[0], *motion.positions, *still[1]):
+                frames.append((time, performer, positions))
+                time += 1 / 60
+    with closing(RawWriter(tmp_path / "tonight.kinerec", ["osc 127.0.0.1:9310"])) as writer:
+        for time, performer, positions in sorted(frames, key=lambda each: each[0]):
+            packet = encode_frame(Frame(performer, time, positions))
+            writer.write(RawPacket(time - 40 + generator.uniform(0, 0.005), 0, "127.0.0.1:5000", (packet,)))
+    return tmp_path / "tonight.kinerec"
+
+
+def _filled_in(labels: Path) -> None:
+    with labels.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = iter("abcabc")
+    by_performer = sorted(rows, key=lambda row: (row["performer"], float(row["start_s"])))
+    for row in by_performer:
+        row["label"] = next(names)
+    with labels.open("w", newline="") as file:
+        written = csv.DictWriter(file, rows[0])
+        written.writeheader()
+        written.writerows(rows)
+
+
+def test_an_evening_becomes_a_library(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cut proposes a row for each movement of each performer; with classes filled in, build makes a library of it."""
+    labels, library = evening.with_suffix(".csv"), evening.with_name("mine.npz")
+    assert main(["cut", str(evening)]) == 0
+    assert "6 movements of ann, bo" in capsys.readouterr().out
+    _filled_in(labels)
+    assert main(["build", str(evening), "--labels", str(labels), "-o", str(library)]) == 0
+    built = MotionLibrary.load(library)
+    assert [(motion.class_name, motion.actor) for motion in built.motions] == [
+        (name, performer) for name in "abc" for performer in ("ann", "bo")
+    ]
+    whole = MotionLibrary.builtin()
+    for name, index in zip("abc", MOTIONS, strict=True):
+        mine = next(motion for motion in built.motions if motion.class_name == name)
+        assert mine.duration == pytest.approx(whole.motions[index].duration, abs=0.8)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1,2,wave,", "expected a performer of ann, bo, got none"),
+        ("1,2,wave,cleo", "expected a performer of ann, bo, got 'cleo'"),
+        ("1,4,wave,bo", "a body that does not move"),
+        ("1,2,,ann", "no segment in it"),
+    ],
+)
+def test_labels_that_do_not_fit(evening: Path, capsys: pytest.CaptureFixture[str], row: str, message: str) -> None:
+    """Labels that do not fit their recording are refused in one line."""
+    labels = evening.with_name("labels.csv")
+    labels.write_text(f"start_s,end_s,label,performer\n{row}\n")
+    assert main(["build", str(evening), "--labels", str(labels), "-o", str(evening.with_name("m.npz"))]) == 2
+    assert message in capsys.readouterr().err
+
+
+# --- info ------------------------------------------------------------------------------------------------------------
+
+
+def _row(printed: str, class_name: str) -> list[str]:
+    """Give the cells of a class's row: class, index, motions, persons, seconds, frames per second."""
+    (row,) = [cells for line in printed.splitlines() if (cells := line.split())[:1] == [class_name] and len(cells) > 4]
+    return row
+
+
+@pytest.mark.usefixtures("wide")
+def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a file, every class of the built-in library has its row, then come its terms."""
+    assert main(["info"]) == 0
+    printed = capsys.readouterr().out
+    library = MotionLibrary.builtin()
+    assert printed.startswith("built-in ")
+    for index, class_name in enumerate(library.classes):
+        motions = [motion for motion in library.motions if motion.class_name == class_name]
+        seconds = sum(motion.frames / motion.frame_rate for motion in motions)
+        assert _row(printed, class_name) == [
+            *(class_name, str(index), str(len(motions)), str(len({motion.actor for motion in motions}))),
+            *(f"{seconds:.1f}", "60"),
+        ]
+    for line in (
+        "motions: 288 of 11 classes, 595 s",
+        "persons: bd, bk, dg, mm, tr",
+        f"joints: 31: {', '.join(hdm05.SKELETON.joints)}",
+        "sources: HDM05",
+        f"licence: {library.licence}",
+        f"attribution: {library.attribution}",
+        f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
+    ):
+        assert f"\n{line}\n" in printed

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port
-from recorded import write_take, write_takes
+from recorded import write_clip, write_clips
 
 from kinespace.library import Clip, MotionLibrary, Reading, opened, read_recordings
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
@@ -39,7 +39,7 @@ def course(**wanted: object) -> Namespace:
 @pytest.fixture
 def take(tmp_path: Path) -> Path:
     """Write one clip of a second and a half."""
-    return write_take(tmp_path, "bd", "bendLeft", 1)
+    return write_clip(tmp_path, "bd", "bendLeft", 1)
 
 
 def replay(*arguments: object) -> int:
@@ -157,8 +157,8 @@ def test_osc_answers_to_any_performer_are_counted(
     performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With --listen every answer is compared with the class performed, for any name of the performer."""
-    take = write_take(tmp_path, "bd", "bendLeft", 1)
-    clips = list(read_recordings(write_takes(tmp_path, takes=1)))
+    take = write_clip(tmp_path, "bd", "bendLeft", 1)
+    clips = list(read_recordings(write_clips(tmp_path, takes=1)))
     library = MotionLibrary.of_clips(clips)
     source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
     port = free_udp_port()

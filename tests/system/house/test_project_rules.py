@@ -10,7 +10,7 @@ import tomllib
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import figures
 import pytest
@@ -19,6 +19,7 @@ from programs import LOOPBACK, ROOT
 
 import kinespace.library
 import kinespace.stream
+from kinespace.stream.outputs.sink import Message
 from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
 
 PACKAGES = ("library", "stream", "tools")
@@ -140,6 +141,13 @@ def test_the_core_does_no_input_or_output() -> None:
         assert not imported(path) & NOT_IN_CORE, name_of(path)
         never = {"print", "input"} | ({"open"} if package_of(path) == "stream" else set())
         assert not called(path) & never, name_of(path)
+
+
+def test_a_sink_takes_messages_that_there_are() -> None:
+    """A sink's method is found by its message's class: a method of another name would never be called."""
+    known = {f"publish_{each.__name__.lower()}" for each in get_args(Message)}
+    sinks = "\n".join(text for text in map(Path.read_text, SOURCES) if "(Sink):" in text)
+    assert set(re.findall(r"(publish_\w+)(?:\(self, \w+: | = publish_)", sinks)) == known
 
 
 def test_the_core_is_loaded_without_transports() -> None:

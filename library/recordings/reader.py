@@ -121,8 +121,9 @@ def _ending(path: Path) -> str:
 
 def _another(path: Path) -> str:
     """Say what a file is, if it is none of ours whatever its ending; an `.npz` is a ZIP."""
-    begun = _begun(path)
-    return "" if begun in _READERS or (begun and path.suffix.lower() == ".npz") else begun
+    begun, ending = _begun(path), path.suffix.lower()
+    ours = begun in _READERS or ending == ".npz" or (ending in joint_table.TEXTS and joint_table.is_joint_table(path))
+    return "" if not begun or ours else begun
 
 
 def is_systems(path: Path) -> bool:

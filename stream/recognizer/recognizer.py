@@ -237,6 +237,7 @@ class Recognizer:
                 self._progress.exchange(index.phases)
             if self._done:
                 self._done.exchange(index.courses)
+            self._look = None
             lead = needed_lead(index.library, self.settings)
             return self._decision.exchange(index, self.classes, lead, self._end_time)
 
@@ -303,6 +304,7 @@ class Recognizer:
             self._clear()
             if self._done:
                 self._done.exchange(self._windows.index.courses)
+            self._look = None
             self._fitting = Fitting(self._windows.index)
             self._performer = None
 

@@ -142,10 +142,12 @@ def recognise(options: argparse.Namespace) -> int:
         for each in (*from_workers, *listeners):
             ends.callback(each.close)
         # Before the sockets are open: no packet is to wait until the page runs.
-        servers = [PageProcess(plan, say) for plan in ends.servers(performers, commands=lessons is not None)]
+        plans = ends.servers(performers, commands=lessons is not None)
+        servers = [ends.enter_context(PageProcess(plan, say)) for plan in plans]
         ends.open(preset)
         ends.open_controls()
-        senders = [*ends.senders()]
+        for sender in ends.senders():
+            ends.enter_context(sender)
         sources: list[AnySource] = [*ends.sources, *ends.controls, *ends.own_controls, *from_workers]
         to_zmq = [sink.sender for sink in ends.sinks if options.bodies and isinstance(sink, ZmqSink)]
         bodies = [BodySink(sender, performers.skeleton_of, performers.carried) for sender in to_zmq]
@@ -153,8 +155,6 @@ def recognise(options: argparse.Namespace) -> int:
         service = Service(performers, sources, sinks, admission=admission, control=lessons)
         if isinstance(performers, Gateway):
             performers.publish = service.publish
-        for server in (*servers, *senders):
-            ends.enter_context(server)
         if lessons:
             lessons.sinks = service.sinks
         # Before the program says that it runs.

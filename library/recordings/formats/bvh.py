@@ -249,7 +249,7 @@ def _motion_header(statements: Iterator[Line], last: Line, given: float | None) 
 
 def _rates_in(said: str) -> tuple[re.Match[str] | None, ...]:
     """Find the numbers behind `Frames` and `Frame Time`."""
-    return tuple(re.search(rf"{name}[\s:=]+(\S+)", said, re.IGNORECASE) for name in ("frames", "frame[ _]?time"))
+    return tuple(re.search(rf"{name}[\s:=]+([-+.\d]\S*)", said, re.IGNORECASE) for name in ("frames", "frame[ _]?time"))
 
 
 def _frame_rate(period: str) -> float:

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
@@ -250,7 +250,11 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
 def _filled(row: Sequence[str], size: int) -> list[str]:
     """Give each empty cell the text on its left: a name stands over the first of its columns alone."""
     cells = [*(name.strip() for name in row), *[""] * size][:size]
-    return [next(filter(None, cells[place::-1]), "") for place in range(size)]
+
+    def nearest(left: str, here: str) -> str:
+        return here or left
+
+    return [*accumulate(cells, nearest)]
 
 
 def _header(

@@ -190,3 +190,48 @@ def test_evidence_is_forgotten_where_nobody_looks(index: WindowIndex) -> None:
     grown, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown < 200_000
+
+
+@pytest.mark.parametrize("hop", [1 / 30, 1.0])
+def test_a_gap_and_another_library(index: WindowIndex, hop: float) -> None:
+    """After a gap of seconds, and with another library, a motion is found again from its beginning on.
+
+    After a reset another performer may follow. Nothing is said of a class that was taken away.
+    """
+    clip = clips_of(SQUAT)[3]
+    recognizer = Recognizer(index, Settings(false_alarms=60.0, hop=hop))
+
+    def pushed(since: float, stands: int = 60) -> list[str]:
+        still = np.repeat(clip.positions[-1:], stands, axis=0)
+        answers = [
+            recognizer.push(Frame("p", since + place / 60, each))
+            for place, each in enumerate(np.concatenate([clip.positions, still]))
+        ]
+        return [answer.done.label for answer in answers if answer and answer.done]
+
+    assert pushed(0.0) == [SQUAT]
+    assert pushed(100.0) == [SQUAT]
+    assert pushed(20.0) == [SQUAT]
+    recognizer.reset()
+    assert pushed(150.0) == [SQUAT]
+    recognizer.exchange(index.library.without(classes=[ARMS]))
+    assert pushed(200.0) == [SQUAT]
+    recognizer.exchange(index.library.without(classes=[SQUAT]))
+    assert pushed(300.0) == []
+
+
+@pytest.mark.parametrize("ends", ["exchange", "reset"])
+def test_what_no_answer_has_said_goes_with_its_library_and_its_performer(index: WindowIndex, ends: str) -> None:
+    """A motion that was seen between two slow hops is not said of a class that is gone, or of the next performer."""
+    recognizer, positions = Recognizer(index, Settings(false_alarms=60.0, hop=8.0)), clips_of(SQUAT)[3].positions
+    body = np.concatenate([positions, np.repeat(positions[-1:], 600, axis=0)])
+    frames = [Frame("p", place / 60, each) for place, each in enumerate(body)]
+    before = [answer for frame in frames[: len(positions) + 60] if (answer := recognizer.push(frame))]
+    assert not any(answer.done for answer in before)
+    if ends == "exchange":
+        recognizer.exchange(index.library.without(classes=[SQUAT]))
+    else:
+        recognizer.reset()
+    after = [answer for frame in frames[len(positions) + 60 :] if (answer := recognizer.push(frame))]
+    assert after
+    assert not any(answer.done for answer in after)

@@ -68,16 +68,19 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         A wanted marker is missing, or fewer than two are left.
     """
     kept = chosen(labels, joints)
+    unnamed = len(labels) - len(kept) if not joints else 0
     if len(kept) < 2:
-        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}")
+        others = f", and {unnamed} without a name, which --joints '*' takes" if unnamed else ""
+        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}{others}")
     memory.require_numbers(len(positions) * len(kept) * 3)
+    aside = [f"left out: {unnamed} without a name; --joints '*' takes all"] if unnamed else []
     clips = list[Clip]()
     for person, own in people_in([labels[index] for index in kept]).items():
         names, twice = short_names([*own.values()])
         found = _seen(positions[:, [kept[each] for each in own]])
         found *= guessed_metres(found, names) if metres is None else metres
         even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
-        clip = _clip(names, even, (*notes, *twice))
+        clip = _clip(names, even, (*notes, *aside, *twice))
         clips.append(hdm05.titled(replace(clip, name=path.stem, actor=person), path))
     return clips
 

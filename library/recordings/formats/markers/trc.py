@@ -23,15 +23,15 @@ from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.library.recordings.formats.timed_frames import timing
 from kinespace.library.recordings.formats.units import metres_of
 
-#: Lines within which the header begins.
-_FRONT = 20
+#: Lines within which the header begins, and words of which it has one.
+_FRONT, _RATES = 20, ("datarate", "numframes", "nummarkers")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Give the lines that hold something, by number, from the one that names rates on; tabs for other marks."""
     mark, begun = "", False
     for number, line in enumerate(memory.lines(path, errors="replace"), start=1):
-        if begun := begun or "datarate" in line.lower():
+        if begun := begun or any(word in line.lower() for word in _RATES):
             # Commas that stand between names stand between numbers.
             mark = mark or next((each for each in "\t;," if each in line), "\t")
             if line.strip():
@@ -90,8 +90,8 @@ def _frames(
             continue
         fields = _fields(line, columns)
         if not frames:
-            if len(fields) - columns in (-1, 2):
-                # Frames with a number, or a time, alone.
+            if len(fields) - columns in (-1, 2) and "time" not in named[1].lower().split()[1:2]:
+                # Frames with a number, or a time, alone; else a field is cut off.
                 labels, lead = _labels(path, *named, 1), 1
             # Markers behind those that have names.
             labels += [f"marker {number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]

@@ -30,7 +30,10 @@ from kinespace.tools.programs.live import fitted
 pytestmark = pytest.mark.slow
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
-_UNCLOSED = re.compile(r"Exception ignored in: <_io.*\nTraceback .*\n( .*\n)*ResourceWarning: unclosed file .*\n")
+_UNCLOSED = re.compile(
+    r"Exception ignored in: <(_io|posix)\..*\nTraceback .*\n( .*\n)*"
+    r"ResourceWarning: unclosed (file|scandir iterator) .*\n"
+)
 PROGRAMS: dict[str, tuple[tuple[object, ...], str]] = {
     "replay": (("replay", "squat1Reps", "--loop", "--osc", f"{LOOPBACK}:{free_udp_port()}"), ""),
     "listen": (("listen", f"{LOOPBACK}:0", "--seconds", 100), "listening"),
@@ -55,7 +58,8 @@ def test_a_signal_ends_a_program_without_a_traceback(name: str, number: signal.S
         # On a busy machine it has not even begun, and the system ends it; or the interrupt comes inside an `exec`, with
         # which dataclasses are made: then Python ends by SIGINT, although the interrupt was caught.
         assert program.wait() in (0, 1, -number, -signal.SIGINT)
-        # An interrupt within an import leaves the module's file to the collector, and `-W error` reports the file.
+        # An interrupt within an import, or while a folder is listed, leaves the file or the folder to the collector,
+        # and `-W error` reports it.
         assert _UNCLOSED.sub("", program.errors) == ""
 
 

@@ -81,7 +81,10 @@ class Look(NamedTuple):
     seen: Seen | None = None
 
     def behind(self, before: "Look | None") -> "Look":
-        """Add what the look before it saw and no answer has said: a motion that was done, or begins."""
+        """Add what the look before it saw and no answer has said: a motion that was done, or begins.
+
+        An answer says one of each: of two motions that were done between two slow hops the newer one.
+        """
         if before is None:
             return self
         begins = before.seen and before.seen.begins and not (self.seen and self.seen.begins)

@@ -23,6 +23,8 @@ _FRAME_STEPS, _POINT_STEPS = 15, 5
 HISTORY = _FRAME_STEPS + _POINT_STEPS - 2
 #: Left and right shoulder, left and right hip: the first joint that a skeleton has.
 _CORNERS = (("lclavicle", "lhumerus"), ("rclavicle", "rhumerus"), ("lhipjoint", "lfemur"), ("rhipjoint", "rfemur"))
+#: What these are multiplied by: leftwards, upwards, and the middle of the hips.
+_FROM_CORNERS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [0.0, 0.0, 0.5, 0.5]])
 #: The axes after and before each axis, for cross products.
 _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]
 #: A length in metres that divides nothing by 0.
@@ -38,8 +40,8 @@ def corners_of(skeleton: Skeleton) -> list[int] | None:
     return corners if len(corners) == len(_CORNERS) else None
 
 
-def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[np.float64]:
-    """Give a body's points, from which courses are cut.
+def own_path(positions: NDArray[np.floating], skeleton: Skeleton) -> tuple[NDArray[np.float64], float]:
+    """Give a body's points, from which courses are cut, and the body's size.
 
     Parameters
     ----------
@@ -50,38 +52,25 @@ def own_points(positions: NDArray[np.floating], skeleton: Skeleton) -> NDArray[n
 
     Returns
     -------
-    Shape (steps, numbers), metres: how far each joint lies to the left of, above and in front of the hips, averaged
-    over the last sixth of a second. Without shoulders or hips: the distance rows.
+    points
+        Shape (steps, numbers), metres: how far each joint lies to the left of, above and in front of the hips, averaged
+        over the last sixth of a second. Without shoulders or hips: the distance rows.
+    size
+        Metres: the mean distance of the middles of shoulders and hips. Without them: of all joints.
     """
     corners = corners_of(skeleton)
     if corners is None:
-        return averaged(distance_rows(positions, skeleton), _POINT_STEPS)
-    left_shoulder, right_shoulder, left_hip, right_hip = positions[:, corners].astype(np.float64).transpose(1, 0, 2)
-    left = averaged(left_shoulder - right_shoulder + left_hip - right_hip, _FRAME_STEPS)
-    up = _unit(averaged(left_shoulder + right_shoulder - left_hip - right_hip, _FRAME_STEPS))
+        rows = distance_rows(positions, skeleton)
+        return averaged(rows, _POINT_STEPS), max(float(rows.mean()), _TINY)
+    directions = _FROM_CORNERS @ positions[:, corners]
+    size = float(np.sqrt(np.einsum("tc,tc->t", directions[:, 1], directions[:, 1])).sum()) / (2 * len(positions))
+    left, up = averaged(directions[:, :2], _FRAME_STEPS).transpose(1, 0, 2)
+    up = _unit(up)
     left = _unit(left - np.einsum("tc,tc->t", left, up)[:, None] * up)
     front = left[:, _AFTER] * up[:, _BEFORE] - left[:, _BEFORE] * up[:, _AFTER]
-    axes = np.stack([left, up, front], axis=2)
-    own = (positions - ((left_hip + right_hip) / 2)[:, None]) @ axes
-    return averaged(own.reshape(len(own), -1), _POINT_STEPS)
-
-
-def size_of(positions: NDArray[np.floating], skeleton: Skeleton) -> float:
-    """Give a body's size, metres: the mean distance of the middles of its shoulders and hips, else of all joints.
-
-    Parameters
-    ----------
-    positions
-        The body, shape (steps, joints, 3), metres.
-    skeleton
-        Its joints.
-    """
-    corners = corners_of(skeleton)
-    if corners is None:
-        return max(float(distance_rows(positions, skeleton).mean()), _TINY)
-    left_shoulder, right_shoulder, left_hip, right_hip = positions[:, corners].astype(np.float64).transpose(1, 0, 2)
-    up = (left_shoulder + right_shoulder - left_hip - right_hip) / 2
-    return max(float(np.sqrt(np.einsum("tc,tc->t", up, up)).mean()), _TINY)
+    axes = np.concatenate([left, up, front], axis=1).reshape(-1, 3, 3)
+    own = (positions - directions[:, 2:]) @ axes.transpose(0, 2, 1)
+    return averaged(own.reshape(len(own), -1), _POINT_STEPS), max(size, _TINY)
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.naming import hdm05
-from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_points, size_of
+from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_path
 from kinespace.library.skeleton import Skeleton
 
 Numbers = NDArray[np.float64]
@@ -36,6 +36,7 @@ Floats = NDArray[np.float32]
 
 #: Points of a course, at equal way.
 POINTS = 12
+_PLACES = np.linspace(0.0, 1.0, POINTS)
 #: Points along a path by which neighbouring directions are averaged: the standard deviation of their weights.
 _BLUR = 0.8
 #: Inner products of ways and of widths divide by no less.
@@ -67,8 +68,8 @@ _OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
-#: Directions by which pieces are screened.
-_SCREENS = 64
+#: Directions by which pieces are screened, and pieces from which the directions are computed, at most.
+_SCREENS, _SPANNING = 32, 256
 #: Windows of a motion called `nothing`, and of all other classes, that set limits, at most.
 _MAX_WINDOWS, _MAX_OTHERS = 4000, 6000
 #: False alarms an hour, and the share of the limits at which so many are said.
@@ -96,18 +97,29 @@ class Pieces(NamedTuple):
     @classmethod
     def of(cls, points: NDArray[np.floating]) -> Self:
         """Take pieces at equal way, shape (pieces, POINTS, numbers)."""
-        steps = (points[:, 1:] - points[:, :-1]).astype(np.float32)
+        points = points.astype(np.float32, copy=False)
+        steps = points[:, 1:] - points[:, :-1]
         lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
         directions = steps / np.maximum(lengths, np.float32(_TINY))[:, :, None]
         courses = np.matmul(_blur(), directions).reshape(len(points), (POINTS - 1) * points.shape[2])
         ways, widths = np.abs(steps).sum(axis=1), points.max(axis=1) - points.min(axis=1)
-        return cls(_unit(courses), _unit(ways), _unit(widths.astype(np.float32)), lengths.sum(axis=1))
+        return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1))
 
     def costs(self, others: "Pieces") -> Floats:
         """Compare with other pieces: shape (pieces, others)."""
         ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
         products = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
         costs: Floats = (1 - self.courses @ others.courses.T) / products
+        return costs
+
+    def costs_of(self, pairs: tuple[NDArray[np.intp], ...], others: "Pieces") -> Floats:
+        """Compare some pairs: two arrays of places, here and in the others; shape (pairs,)."""
+        products = [
+            np.einsum("pn,pn->p", mine.take(pairs[0], axis=0), theirs.take(pairs[1], axis=0))
+            for mine, theirs in zip(self[:3], others[:3], strict=True)
+        ]
+        courses, ways, widths = products
+        costs: Floats = (1 - courses) / (np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT))
         return costs
 
     def as_far(self, others: "Pieces", most: float = MAX_WAY) -> NDArray[np.bool_]:
@@ -135,9 +147,9 @@ class Screen(NamedTuple):
 
     @classmethod
     def of(cls, courses: Floats) -> Self:
-        """Take the directions of some of the pieces' courses."""
-        some = np.linspace(0, len(courses) - 1, min(len(courses), _SCREENS)).astype(np.intp)
-        axes = np.linalg.qr(courses[some].T)[0]
+        """Take the directions along which most of the pieces' courses lie."""
+        some = np.linspace(0, len(courses) - 1, min(len(courses), _SPANNING)).astype(np.intp)
+        axes = np.ascontiguousarray(np.linalg.svd(courses[some], full_matrices=False)[2][:_SCREENS].T)
         return cls(axes, *cls._split(courses, axes))
 
     @staticmethod
@@ -176,7 +188,7 @@ def ways_of(points: NDArray[np.floating]) -> Numbers:
     return ways
 
 
-def at_equal_way(points: NDArray[np.floating], ways: Numbers, begins: Numbers, ends: Numbers) -> Numbers:
+def at_equal_way(points: NDArray[np.floating], ways: Numbers, begins: Numbers, ends: Numbers) -> Floats:
     """Read a path at `POINTS` points of equal way between ways: shape (pieces, POINTS, numbers).
 
     Parameters
@@ -186,16 +198,17 @@ def at_equal_way(points: NDArray[np.floating], ways: Numbers, begins: Numbers, e
     begins, ends
         The ways between which each piece lies, shape (pieces,).
     """
-    asked = begins[:, None] + (ends - begins)[:, None] * np.linspace(0.0, 1.0, POINTS)
-    before = np.minimum(np.maximum(np.searchsorted(ways, asked, side="right") - 1, 0), len(points) - 2)
-    steps = ways[before + 1] - ways[before]
-    shares = np.minimum(np.maximum((asked - ways[before]) / np.where(steps > 0, steps, 1.0), 0.0), 1.0)
+    asked = begins[:, None] + (ends - begins)[:, None] * _PLACES
+    before = np.minimum(np.maximum(ways.searchsorted(asked, side="right") - 1, 0), len(points) - 2)
+    start, steps = ways.take(before), ways.take(before + 1)
+    steps -= start
+    shares = np.minimum(np.maximum((asked - start) / np.maximum(steps, _TINY), 0.0), 1.0)
     # Whole rows are taken, because a place for each number would take three times as long.
-    start = points.take(before, axis=0).astype(np.float64, copy=False)
-    read: Numbers = points.take(before + 1, axis=0).astype(np.float64, copy=False)
-    read -= start
-    read *= shares[:, :, None]
-    read += start
+    read: Floats = points.take(before + 1, axis=0).astype(np.float32, copy=False)
+    begun = points.take(before, axis=0).astype(np.float32, copy=False)
+    read -= begun
+    read *= shares.astype(np.float32)[:, :, None]
+    read += begun
     return read
 
 
@@ -326,7 +339,7 @@ class _Cut(NamedTuple):
     clip: int
     points: Numbers
 
-    def read(self, share: float) -> Numbers:
+    def read(self, share: float) -> Floats:
         """Read its first part at equal way, shape (1, POINTS, numbers)."""
         ways = ways_of(self.points)
         return at_equal_way(self.points, ways, np.zeros(1), np.array([share * ways[-1]]))
@@ -366,7 +379,8 @@ def path_of(clip: Clip) -> Numbers:
     if clip.frames > 1:
         steps = np.arange(math.floor(clip.duration / STEP + 1e-6) + 1) * STEP
         positions = at_steps(clip.times, positions, np.minimum(steps, clip.times[-1]))
-    return own_points(positions, clip.skeleton) / size_of(positions, clip.skeleton)
+    points, size = own_path(positions, clip.skeleton)
+    return points / size
 
 
 def _shown(clip: Clip) -> tuple[Numbers, int] | None:
@@ -452,7 +466,7 @@ def _unwanted(
     return Pieces.of(np.concatenate(read)), of_class[:, None] != whose
 
 
-def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Numbers:
+def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Floats:
     """Read windows everywhere in a path, of so many steps each, at equal way: (windows, POINTS, numbers)."""
     ways = ways_of(points)
     ends: list[Numbers] = []
@@ -464,7 +478,7 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     begin, end = np.concatenate(begins), np.concatenate(ends)
     some = np.flatnonzero(end > begin)[:: max(1, -(-len(begin) // max(most, 1)))]
     if len(points) < 2 or not len(some):
-        return np.zeros((0, POINTS, points.shape[1]))
+        return np.zeros((0, POINTS, points.shape[1]), dtype=np.float32)
     return at_equal_way(points, ways, begin[some], end[some])
 
 
@@ -491,10 +505,10 @@ def _of_unwanted(
     return limits
 
 
-def _halves(whole: Numbers, of_class: NDArray[np.intp], pieces: Pieces) -> Numbers:
+def _halves(whole: Floats, of_class: NDArray[np.intp], pieces: Pieces) -> Numbers:
     """Give what halves of two classes' motions, put together, cost each motion: a low quantile, shape (motions,)."""
     draw = np.random.default_rng(0)
-    drawn: list[Numbers] = []
+    drawn: list[Floats] = []
     steps, half = np.diff(whole, axis=1), POINTS // 2
     for _ in range(_DRAWN):
         one = int(draw.integers(len(whole)))

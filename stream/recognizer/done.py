@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_points, size_of
+from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.courses import MAX_WAY, Courses, Pieces, at_equal_way, share_at
 from kinespace.stream.recognition import Seen
@@ -131,11 +131,14 @@ class DoneFollower:
         self._courses = courses
         self._longest = courses.counts[-1] + 1 if courses.counts else 0
         width = courses.pieces.ways.shape[1]
-        self._points, self._ways = np.zeros((_ROOM * self._longest, width)), np.zeros(_ROOM * self._longest)
+        self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
+        self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._limits, self._several = self._share * courses.limits.ravel(), courses.several
+        self._limits, self._several = np.float32(self._share) * courses.limits.ravel(), courses.several
         self._most_growth = {name: _MOST_SEVERAL if name in self._several else _MOST_GROWTH for name in courses.classes}
-        self._motions_of = np.diff(courses.starts, append=len(courses.seconds))
+        #: The class of each whole motion, and of each first part.
+        of_motion = np.searchsorted(courses.starts, np.arange(len(courses.seconds)), side="right") - 1
+        self._of_piece = np.concatenate([of_motion, of_motion])
         lengths = courses.pieces.lengths
         self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
         self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
@@ -163,16 +166,15 @@ class DoneFollower:
         while evident[0][0] < time - _EVIDENT_FOR:
             evident.popleft()
 
-    def _growth(self) -> NDArray[np.float64]:
-        """Say how much wider each motion's limits are by the evidence of the last moments, shape (motions,)."""
+    def _growth(self) -> NDArray[np.float32]:
+        """Say how much wider each class's limits are by the evidence of the last moments, shape (classes,)."""
         since = self.time - _EVIDENT_FOR
         best = dict(sorted((name, each) for time, name, each in self._evident if time >= since))
-        growth = np.full(len(self._most_growth), _LEAST_GROWTH if best else 1.0)
-        for name, evidence in best.items():
-            if name in self._most_growth:
-                place = self._courses.classes.index(name)
-                growth[place] = min(max(math.exp(_GROWTH * evidence), _LEAST_GROWTH), self._most_growth[name])
-        return growth.repeat(self._motions_of)
+        growth = np.full(len(self._most_growth), _LEAST_GROWTH if best else 1.0, dtype=np.float32)
+        for place, (name, most) in enumerate(self._most_growth.items()):
+            if name in best:
+                growth[place] = min(max(math.exp(_GROWTH * best[name]), _LEAST_GROWTH), most)
+        return growth
 
     def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
         """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.
@@ -205,8 +207,8 @@ class DoneFollower:
             body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
             self.time += steps * STEP
         self._body = np.concatenate([self._body[-HISTORY:], body])
-        self._size = size_of(self._body, self._skeleton)
-        self._extend(own_points(self._body, self._skeleton)[len(self._body) - len(body) :])
+        points, self._size = own_path(self._body, self._skeleton)
+        self._extend(points[len(points) - len(body) :])
 
     def _extend(self, points: NDArray[np.float64]) -> None:
         """Keep some more points, and the way up to each."""
@@ -215,7 +217,7 @@ class DoneFollower:
             for kept in (self._points, self._ways):
                 kept[: self._longest] = kept[self._count - self._longest : self._count]
             self._count = self._longest
-        for place, point in enumerate(points, self._count):
+        for place, point in enumerate(points.astype(np.float32), self._count):
             self._points[place] = point
             step = point - self._points[place - 1] if place else 0.0 * point
             self._ways[place] = (self._ways[place - 1] if place else 0.0) + math.sqrt(float(step @ step))
@@ -237,29 +239,28 @@ class DoneFollower:
         # A window must lie behind the motion before.
         free = self.time - counts * STEP >= self._over - _ROUNDING
         growth, motions = self._growth(), len(self._courses.seconds)
-        costs = self._costs(windows, free, self._limits * np.tile(growth, 2))
+        costs = self._costs(windows, free, self._limits * growth.take(self._of_piece))
         costs[counts * STEP < _SHORTEST, :motions] = np.inf
         return self._sees(
             self._nearest(costs[:, :motions], begins, growth, whole=True),
             self._nearest(costs[:, motions:], begins, growth, whole=False),
         )
 
-    def _costs(self, windows: Pieces, free: NDArray[np.bool_], limits: NDArray[np.floating]) -> NDArray[np.float32]:
+    def _costs(self, windows: Pieces, free: NDArray[np.bool_], limits: NDArray[np.float32]) -> NDArray[np.float32]:
         """Give each window's cost, relative to the limits, by whole motions and by first parts: (windows, pieces).
 
         Infinite where no window is near the limit, or where it is not free.
         """
-        every, least = self._courses.pieces, self._courses.screen.costs_at_least(windows.courses)
-        near = (least < _NEAR * limits) & free[:, None]
-        costs, some = np.full(near.shape, np.inf, dtype=np.float32), np.flatnonzero(near.any(axis=0))
-        if len(some):
-            pieces = Pieces(*(each[some] for each in every))
-            likely = near[:, some] & windows.as_far(pieces)
-            costs[:, some] = np.where(likely, windows.costs(pieces) / limits[some], np.inf)
+        pieces, screen = self._courses.pieces, self._courses.screen
+        near = (screen.costs_at_least(windows.courses) < limits * np.float32(_NEAR)) & windows.as_far(pieces)
+        near &= free[:, None]
+        costs, pairs = np.full(near.shape, np.inf, dtype=np.float32), near.nonzero()
+        if len(pairs[0]):
+            costs[pairs] = windows.costs_of(pairs, pieces) / limits.take(pairs[1])
         return costs
 
     def _nearest(
-        self, costs: NDArray[np.float32], begins: NDArray[np.intp], growth: NDArray[np.float64], *, whole: bool
+        self, costs: NDArray[np.float32], begins: NDArray[np.intp], growth: NDArray[np.float32], *, whole: bool
     ) -> Found | None:
         """Give the motion of which a window shows the whole, or the first part; None where no window does."""
         courses = self._courses
@@ -271,11 +272,11 @@ class DoneFollower:
         moves = ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY])
         first, last = np.searchsorted(ways[begin:], moves).tolist()
         start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
-        place = int(np.searchsorted(courses.starts, motion, side="right")) - 1
+        place = self._of_piece.item(motion)
         lengths = (courses.whole if whole else courses.begun).lengths
         seconds, amplitude = float(courses.seconds[motion]), float(gone / self._size / lengths[motion])
         speed = seconds / max(end - start, STEP)
-        share = least * growth.item(motion)
+        share = least * growth.item(place)
         return Found(courses.classes[place], start, end, 1 - least / 2, speed, amplitude, seconds, share)
 
     def _nearest_of(self, whole: Found | None) -> Found | None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary
-from kinespace.library.signature.own_frame import at_steps, corners_of, size_of
+from kinespace.library.signature.own_frame import at_steps, corners_of, own_path
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
@@ -130,7 +130,7 @@ def _upright(clip: Clip, frames: int) -> NDArray[np.float64]:
     across = left_shoulder - right_shoulder + left_hip - right_hip
     middle = positions[:, corners[2:]].mean(axis=1, keepdims=True)
     own: NDArray[np.float64] = (positions - middle) @ _turn(-np.arctan2(across[2], across[0]))
-    return own / size_of(positions, clip.skeleton)
+    return own / own_path(positions, clip.skeleton)[1]
 
 
 def _turn(angle: float) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton
-from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_points
+from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_path
 from kinespace.library.windows.courses import (
     Courses,
     Pieces,
@@ -48,7 +48,7 @@ def test_points_are_those_of_the_definition(builtin: MotionLibrary) -> None:
             assert corners is not None
             body = some.positions[::4]
             expected = naive.own_points_of(body.astype(np.float64), tuple(corners))  # type: ignore[arg-type]
-            np.testing.assert_allclose(own_points(body, some.skeleton), expected, atol=1e-9)
+            np.testing.assert_allclose(own_path(body, some.skeleton)[0], expected, atol=1e-9)
 
 
 def test_costs_are_those_of_the_definition(builtin: MotionLibrary) -> None:

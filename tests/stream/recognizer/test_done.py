@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
-from kinespace.library.signature.own_frame import STEP, size_of
+from kinespace.library.signature.own_frame import STEP, own_path
 from kinespace.library.windows.courses import Courses, path_of
 from kinespace.stream import Done, Frame, Recognizer, Settings
 from kinespace.stream.recognizer.done import DoneFollower
@@ -161,7 +161,8 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
         begun += [(step, look.seen.class_name)] if look.seen and look.seen.begins else []
         seen = {}
         for whole in (True, False):
-            size = size_of(positions[max(step - 20, 0) : step + 1], clip.skeleton) / size_of(positions, clip.skeleton)
+            some = positions[max(step - 20, 0) : step + 1]
+            size = own_path(some, clip.skeleton)[1] / own_path(positions, clip.skeleton)[1]
             seen[whole] = seen_by_definition(few, points, step, over, size=size, whole=whole, known=known)
             name, (before, count) = seen[whole][0], streaks[whole]
             streaks[whole] = name, count + 1 if name and name == before else 1

@@ -2,6 +2,7 @@
 
 import json
 import time
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -70,14 +71,27 @@ def test_answers_are_one_object_with_their_type() -> None:
 EDITOR = "https://editor.p5js.org"
 
 
-def until(client: ClientConnection, kind: str, **fields: object) -> dict[str, Any]:
+def until(client: ClientConnection, kind: str, patience: float = PATIENCE, **fields: object) -> dict[str, Any]:
     """Read answers until one of a kind has these fields."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        read: dict[str, Any] = json.loads(client.recv(timeout=PATIENCE))
+    end = time.monotonic() + patience
+    while (left := end - time.monotonic()) > 0:
+        read: dict[str, Any] = json.loads(client.recv(timeout=left))
         if read["type"] == kind and all(read[name] == value for name, value in fields.items()):
             return read
-    raise AssertionError(f"no {kind} with {fields}")
+    raise TimeoutError(f"no {kind} with {fields}")
+
+
+def danced(client: ClientConnection, joints: tuple[str, ...]) -> None:
+    """Send squats until one begins: a busy machine leaves out frames that came at once and waited."""
+    for again in range(10):
+        for number, cue in enumerate(ghost_cues("squat1Reps", 2.0)[::4]):
+            named = {} if number else {"joints": joints}
+            placed = {"t": 100 * again + cue.frame.time, "positions": cue.frame.positions.tolist()}
+            client.send(json.dumps({"performer": "ann", **placed, **named}))
+        with suppress(TimeoutError):
+            until(client, "event", PATIENCE / 10, performer="ann", event="start", **{"class": "squat1Reps"})
+            return
+    raise AssertionError("no squat has begun")
 
 
 @pytest.mark.slow
@@ -96,12 +110,8 @@ def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
             connect(address, origin=Origin(EDITOR), max_queue=None) as other,
         ):
             client.send("no frame")
-            for number, cue in enumerate(ghost_cues("squat1Reps", 2.0)[::4]):
-                named = {} if number else {"joints": builtin.skeleton.joints}
-                frame = {"performer": "ann", "t": cue.frame.time, "positions": cue.frame.positions.tolist(), **named}
-                client.send(json.dumps(frame))
-            for each in (client, other):
-                assert until(each, "event", performer="ann", event="start", **{"class": "squat1Reps"})
+            danced(client, builtin.skeleton.joints)
+            assert until(other, "event", performer="ann", event="start", **{"class": "squat1Reps"})
             assert until(client, "status")["inputs"]["foreign"] == 1
             assert set(until(client, "classes")["classes"]) == set(builtin.classes)
             assert program.interrupt() == 0

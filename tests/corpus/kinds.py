@@ -491,6 +491,8 @@ def _trcs() -> dict[str, Kind]:
         "a label thrice": (trc().replace(heads + "\t\t", "\t".join(name for name in NAMES for _ in range(3))), {}),
         "blank lines, comments": ("\n# made by a tool\n" + trc().replace("\n", "\n\n"), {}),
         "commas between": (trc().replace("\t", ","), {}),
+        "an empty line of commas": (trc().replace("\n1\t", "\n" + "\t" * 50 + "\n1\t", 1).replace("\t", ","), {}),
+        "markers that are named and never written": (trc().replace(heads, heads + "\t\t\tV_Mid_Hip\t\t\tV_Head"), {}),
         "quotes": (trc().replace("Hips", '"Hips"').replace("LeftLeg", '"LeftLeg"'), {}),
         "no numbers of frames": ("".join(row.partition("\t")[2] if n > 2 else row for n, row in enumerate(trc().splitlines(keepends=True))), {}),
         "nobody at first": (trc(positions=gone_at_first * 1000), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),

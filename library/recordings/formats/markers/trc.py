@@ -89,6 +89,9 @@ def _frames(
         if not frames and "x" in line.lower():
             continue
         fields = _fields(line, columns)
+        if all(each is not None and math.isnan(each) for each in fields):
+            # A line of separators alone, as tables write an empty line.
+            continue
         if not frames:
             if len(fields) - columns in (-1, 2) and "time" not in named[1].lower().split()[1:2]:
                 # Frames with a number, or a time, alone; else a field is cut off.

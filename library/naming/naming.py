@@ -54,7 +54,7 @@ def summary(title: str, joints: Sequence[str]) -> str:
     ours = hdm05.SKELETON.joints
     line = f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
     foreign = [joint[:_MAX_LABEL] for joint in joints if joint not in ours]
-    if foreign and any(each.isdisjoint(joints) for each in _LIMBS):
+    if foreign and not all(each <= {*joints} for each in _LIMBS):
         listed = ", ".join(foreign[:_MAX_LISTED]) + (" ..." if len(foreign) > _MAX_LISTED else "")
         line += f"; an arm or a leg is missing, not understood: {listed}"
     return line

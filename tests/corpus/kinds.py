@@ -281,6 +281,13 @@ def _points(field: str, front: str = "") -> str:
     return f"{front}time,{','.join(NAMES)}\n{lines}"
 
 
+def _names_together() -> str:
+    """Write semicolons between joints, and commas between a joint's numbers and between their names."""
+    heads = ";".join(",".join(f"{name}_{axis}" for axis in "XYZ") for name in NAMES)
+    fields = (";".join("{:.5f},{:.5f},{:.5f}".format(*place) for place in frame) for frame in BODY.tolist())
+    return "".join([f"Time;{heads}\n", *(f"{time:.4f};{each}\n" for time, each in zip(TIMES, fields, strict=True))])
+
+
 def _times(scale: float, start: int = 0) -> list[int]:
     return [start + round(time * scale) for time in TIMES.tolist()]
 
@@ -290,6 +297,9 @@ def _tables() -> dict[str, Kind]:
     texts = {
         "times after a #": (table(clock="# times"), {}),
         "times in ms by name": (table(clock="time_ms", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
+        "times in ms, misspelled": (table(clock="Miliseconds", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
+        "times that stand, a nominal rate": (table(first="Software : LSL_Kinect,Stream nominal rate : 60,Task : a\n\n", times=['"1,594038E+12"'] * len(BODY)), {}),
+        "three names in a field": (_names_together(), {}),
         "times with a unit in brackets": (table(clock="Time (Seconds)"), {}),
         "elapsed ms": (table(clock="elapsedMs", times=_times(1e3)), {"near": 2e-3}),
         "microseconds": (table(clock="timestamp", times=_times(1e6, 5_000_000)), {}),

@@ -427,7 +427,10 @@ def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list
         if place not in points:
             spread.append(cell)
         else:
-            spread += [f"{cell}_{axis}" for axis in axes] or [*_PART.findall(cell), "", "", ""][:3]
+            # The three numbers' own names may stand there: `head_x,head_y,head_z`.
+            parts = re.split(r"[,;|\s]+", cell.strip())
+            joint = (len(parts) == len(axes) and coordinate_of(parts[0])) or (cell,)
+            spread += [f"{joint[0]}_{axis}" for axis in axes] or [*_PART.findall(cell), "", "", ""][:3]
     return spread
 
 

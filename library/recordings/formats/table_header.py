@@ -51,7 +51,8 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
-    r"(export |camera )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*", re.IGNORECASE
+    r"(export |camera |(stream )?nominal )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
+    re.IGNORECASE,
 )
 _ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
 _LEADING = re.compile(r"\s*(\d+\.?\d*)")
@@ -268,7 +269,9 @@ def _header(
     frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
-    rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
+    rates = [
+        float(number[1]) for name, value in said if _RATE.fullmatch(name.strip()) and (number := _LEADING.match(value))
+    ]
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
     alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
     named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]

@@ -269,9 +269,7 @@ def _header(
     frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
-    rates = [
-        float(number[1]) for name, value in said if _RATE.fullmatch(name.strip()) and (number := _LEADING.match(value))
-    ]
+    rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
     alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
     named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
@@ -297,7 +295,7 @@ def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
         for cell in row:
             name, mark, value = re.sub("[:=]", ":", cell.strip("#/% "), count=1).partition(":")
             if mark:
-                yield name, value
+                yield name.strip(), value
 
 
 def _plain(joints: _Columns) -> _Columns:

@@ -51,7 +51,8 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
-    r"(export |camera |(stream )?nominal )?((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
+    r"(export |camera |(stream )?nominal )?"
+    r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
     re.IGNORECASE,
 )
 _ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)

@@ -21,7 +21,7 @@ from kinespace.tools.cli.console import print_json, print_scores, progress, requ
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.harness import Take, written
-from kinespace.tools.evaluation.stream_score import basis_of, rests_on, write_rows
+from kinespace.tools.evaluation.stream_score import basis_of, interval, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -151,10 +151,6 @@ def report(
     if options.json:
         print_json({**scores, "so_far": so_far, **(further or {}), **basis})
         return
-    rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
+    rows = [{"name": kind, **score, "interval": interval(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
     print_scores(rows, COLUMNS, title=title, caption=caption)
-
-
-def _written(interval: tuple[float, float] | None) -> str:
-    return "-" if interval is None else "{:.1%} to {:.1%}".format(*interval)

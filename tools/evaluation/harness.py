@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -306,50 +305,32 @@ def folds_of(
     """
     if protocol is Protocol.LIBRARY:
         return [Fold(library(), tuple(takes))]
-    made = partial(_library, either_side=either_side)
     labelled = [take for take in takes if take.is_known]
-    others = [take for take in takes if not take.is_known]
-    if protocol is Protocol.LEAVE_ONE_TAKE_OUT:
-        _require_two(len(labelled), "takes", protocol)
-        folds = [Fold(made([each for each in labelled if each is not take]), (take,)) for take in labelled]
-        return [*folds, Fold(made(labelled), tuple(others))] if others else folds
-    return _by_person(labelled, others, protocol, made)
-
-
-def _by_person(
-    labelled: Sequence[Take],
-    others: Sequence[Take],
-    protocol: Protocol,
-    made: Callable[[Sequence[Take]], MotionLibrary],
-) -> list[Fold]:
-    unnamed = [take.clip.name for take in labelled if not take.person]
-    if unnamed:
+    every = [*labelled, *(take for take in takes if not take.is_known)]
+    by_take = protocol is Protocol.LEAVE_ONE_TAKE_OUT
+    if unnamed := [] if by_take else [take.clip.name for take in labelled if not take.person]:
         raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
-    persons = sorted({take.person for take in labelled})
-    _require_two(len(persons), "persons", protocol)
+    whose = {id(take): str(place) if by_take else take.person for place, take in enumerate(every)}
+    named = [whose[id(take)] for take in labelled]
+    ones = [*dict.fromkeys(named if by_take else sorted(named))]
+    if len(ones) < 2:
+        what = "takes" if by_take else "persons"
+        raise ValueError(f"--protocol {protocol}: expected at least two labelled {what}, got {len(ones) or 'none'}")
     folds = []
-    for person in persons:
-        own = [take for take in labelled if take.person == person]
-        rest = [take for take in labelled if take.person != person]
-        if protocol is Protocol.ONE_PERSON:
-            asking = [*rest, *(take for take in others if take.person != person)]
-            folds.append(Fold(made(own), tuple(asking), person))
-        else:
-            folds.append(Fold(made(rest), (*own, *(take for take in others if take.person == person)), person))
-    strangers = [take for take in others if take.person not in persons]
-    if strangers and protocol is Protocol.LEAVE_ONE_PERSON_OUT:
-        folds.append(Fold(made(labelled), tuple(strangers)))
+    for one in ones:
+        own = [take for take in every if whose[id(take)] == one]
+        rest = [take for take in every if whose[id(take)] != one]
+        teaching, asking = (own, rest) if protocol is Protocol.ONE_PERSON else (rest, own)
+        folds.append(Fold(_library(teaching, either_side=either_side), tuple(asking), "" if by_take else one))
+    strangers = [take for take in every if whose[id(take)] not in ones]
+    if strangers and protocol is not Protocol.ONE_PERSON:
+        folds.append(Fold(_library(labelled, either_side=either_side), tuple(strangers)))
     return folds
 
 
 def _library(takes: Sequence[Take], *, either_side: bool) -> MotionLibrary:
-    motions = [motion for take in takes for motion in take.motions()]
+    motions = [motion for take in takes if take.is_known for motion in take.motions()]
     return MotionLibrary.of_clips([*motions, *map(mirrored, motions)] if either_side else motions)
-
-
-def _require_two(count: int, what: str, protocol: Protocol) -> None:
-    if count < 2:
-        raise ValueError(f"--protocol {protocol}: expected at least two labelled {what}, got {count or 'none'}")
 
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.

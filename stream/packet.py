@@ -1,5 +1,6 @@
 """Receivers: a port or a subscription on which packets come in, and the protocol of every transport's endpoint."""
 
+import math
 from collections.abc import Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
 from typing import Protocol, TypeVar
@@ -43,6 +44,19 @@ def is_within(host: str, networks: Networks) -> bool:
     """Say whether an address in numbers, perhaps with a zone (`fe80::1%eth0`), belongs to one of the networks."""
     address = ip_address(host.partition("%")[0])
     return any(address in network for network in networks)
+
+
+class IdleSource:
+    """What a service's loop asks of a source: this one has no packets aside, waits for nobody, and is never late."""
+
+    #: No frames come in here.
+    place = ""
+    #: Notes for a person, a line each.
+    notes: Sequence[str] = ()
+    #: Nothing is due by the clock.
+    tended_within = patience = math.inf
+    waited = lag = 0.0
+    has_put_aside = False
 
 
 class Receiver(Protocol):

@@ -8,7 +8,7 @@ from ipaddress import ip_network
 import zmq
 
 from kinespace.stream.frame import Admitted
-from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within, remember
+from kinespace.stream.packet import KEYED, IdleSource, Networks, Packet, Sender, datagram_of, is_within, remember
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import State, commands
 from kinespace.stream.teaching.commands import Asked, CommandError
@@ -103,7 +103,7 @@ class CommandReader:
         return "" if self._quota.allows(sender[0] if sender else "", max(len(given), 1), now) else TOO_MANY
 
 
-class RequestSource:
+class RequestSource(IdleSource):
     """A source without frames: one command in each request.
 
     Parameters
@@ -122,17 +122,6 @@ class RequestSource:
     pollable, address
         The socket, and the endpoint as bound.
     """
-
-    #: No frames come in here.
-    place = ""
-    #: Nothing is due by the clock.
-    tended_within = float("inf")
-    has_put_aside = False
-    #: There are no notes for a person.
-    notes: Sequence[str] = ()
-    #: A command is carried out when it comes; how long it waited does not matter.
-    waited = lag = 0.0
-    patience = float("inf")
 
     def __init__(
         self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()

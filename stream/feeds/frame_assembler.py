@@ -155,7 +155,7 @@ class FrameAssembler:
         Frames that were completed, each performer's joints announced before the performer's first frame.
         """
         packet = _Packet(arrival, sender, bundle)
-        self._expire(arrival)
+        given = self.expire(arrival)
         touched = dict[str, None]()
         for message in messages:
             try:
@@ -171,18 +171,12 @@ class FrameAssembler:
         if bundle:
             for name in touched:
                 self._end_bundle(name)
-        return self._given()
-
-    def expire(self, now: float) -> list[Frame | Announcement]:
-        """Close frames that wait for too long, and forget silent performers."""
-        self._expire(now)
-        return self._given()
-
-    def _given(self) -> list[Frame | Announcement]:
-        given, self._out = self._out, []
+        given += self._out
+        self._out = []
         return given
 
-    def _expire(self, now: float) -> None:
+    def expire(self, now: float) -> list[Frame | Announcement]:
+        """Close frames that wait for too long, and forget silent performers; give what was completed until now."""
         for name, body in list(self._bodies.items()):
             silent = now - body.last_message
             timeout = min(self.preset.closings.timeout, _PAUSE * body.interval)
@@ -190,6 +184,8 @@ class FrameAssembler:
                 self._close(name, body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
                 del self._bodies[name]
+        given, self._out = self._out, []
+        return given
 
     def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
         """Take in one message; give the performers it is about."""
@@ -215,10 +211,13 @@ class FrameAssembler:
             body.time = reading.time if reading.time is not None else body.time
         elif reading.means is Means.TIME:
             body.time = reading.time
-        elif reading.means is Means.FRAME:
-            self._add_whole(name, body, reading, packet.arrival)
         else:
+            is_whole = reading.means is Means.FRAME
+            if is_whole and body.open:
+                self._close(name, body, Closing.REPEAT)
             self._add(name, body, reading, packet.arrival)
+            if is_whole and body.open:
+                self._close(name, body, Closing.COMPLETE)
 
     def _names(self, reading: Reading, sender: int) -> Sequence[str]:
         """Give the performers that a message is about: all of its sender's if it names none and is no joint."""
@@ -242,14 +241,6 @@ class FrameAssembler:
         body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
         return body
 
-    def _add_whole(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
-        """Take in all joints of a frame at once."""
-        if body.open:
-            self._close(name, body, Closing.REPEAT)
-        self._add(name, body, reading, arrival)
-        if body.open:
-            self._close(name, body, Closing.COMPLETE)
-
     def _add(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
         """Take in a joint, or several that came together."""
         if reading.time is not None and not self._in_time(name, body, reading.time):
@@ -259,8 +250,11 @@ class FrameAssembler:
             if sighting.position is None:
                 self.counts.unsure += 1
                 continue
-            if sighting.joint in body.open:
-                self._see_again(name, body)
+            # The next frame's first joint, or a late one.
+            if sighting.joint in body.open and self._is_straggler(body):
+                self.counts.late += 1
+            elif sighting.joint in body.open and Closing.REPEAT in self.preset.closings.by:
+                self._close(name, body, Closing.REPEAT)
             if not body.open:
                 body.opened = arrival
             body.time = body.time if reading.time is None else reading.time
@@ -273,13 +267,6 @@ class FrameAssembler:
         all_here = len(body.open) >= len(self._targets) and self._has_all(body.open)
         if all_here and Closing.COMPLETE in self.preset.closings.by:
             self._close(name, body, Closing.COMPLETE)
-
-    def _see_again(self, name: str, body: _Body) -> None:
-        """Handle a joint that is in the frame already: it is the next frame's first joint, or a late one."""
-        if self._is_straggler(body):
-            self.counts.late += 1
-        elif Closing.REPEAT in self.preset.closings.by:
-            self._close(name, body, Closing.REPEAT)
 
     def _in_time(self, name: str, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""
@@ -301,10 +288,6 @@ class FrameAssembler:
         earliest = body.opened - self.preset.closings.hold
         return sum(moment >= earliest for _, moment in body.seen.values())
 
-    def _is_all_that_comes(self, body: _Body) -> bool:
-        """Say whether the frame has every joint that came lately; False until all joints have come once."""
-        return len(body.open) >= self._coming(body) and (self._takes_some or self._has_all(body.seen))
-
     def _has_all(self, joints: Iterable[str]) -> bool:
         return {self.preset.joint_map[joint] for joint in joints}.issuperset(self._targets)
 
@@ -315,7 +298,13 @@ class FrameAssembler:
         ended, body.ending = body.ending, False
         if body.open and ended:
             self._close(name, body, Closing.END)
-        elif body.open and Closing.BUNDLE in self.preset.closings.by and self._is_all_that_comes(body):
+        # With every joint that came lately, and not until all joints have come once.
+        elif (
+            body.open
+            and Closing.BUNDLE in self.preset.closings.by
+            and len(body.open) >= self._coming(body)
+            and (self._takes_some or self._has_all(body.seen))
+        ):
             self._close(name, body, Closing.BUNDLE)
 
     def _close(self, name: str, body: _Body, by: Closing) -> None:

@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from kinespace.library import Clip, Reading, read_recordings
+from kinespace.library import Clip
 from kinespace.library.library_file import locked
 from kinespace.library.naming import summary
 from kinespace.library.recordings.formats.labels import labels_beside
@@ -140,12 +140,7 @@ class _None:
 
 
 def print_scores(
-    scores: Iterable[Mapping[str, object]],
-    columns: str,
-    *,
-    title: str,
-    caption: str | None = None,
-    names: int = 1,
+    scores: Iterable[Mapping[str, object]], columns: str, *, title: str, caption: str | None = None, names: int = 1
 ) -> None:
     """Print a row for each score.
 
@@ -244,11 +239,6 @@ class NameNotes:
             elif self._said[kind] == _MAX_SAID + 1:
                 note(f"{clip.name}: {remark}; no more of this kind ({kind}) is said")
         return clip
-
-
-def read_with_notes(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
-    """Read recordings one after the other, with a progress bar and notes on their joint names."""
-    return progress(map(NameNotes(), read_recordings(paths, reading)), "Reading", len(paths))
 
 
 def require_place_for_report(output: Path, options: argparse.Namespace) -> None:

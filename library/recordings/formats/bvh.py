@@ -275,10 +275,7 @@ def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
 
 
 def _place(
-    joints: Sequence[BvhJoint],
-    channels: NDArray[np.float64],
-    displaced: Sequence[bool],
-    positions: NDArray[np.float64],
+    joints: Sequence[BvhJoint], channels: NDArray[np.float64], displaced: Sequence[bool], positions: NDArray[np.float64]
 ) -> None:
     turned: list[NDArray[np.float64]] = []
     for index, (joint, numbers) in enumerate(zip(joints, _by_joint(joints, channels), strict=True)):

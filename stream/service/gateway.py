@@ -345,13 +345,11 @@ class Gateway:
         return [*self._ended, *(event for each in self._tracks.values() if (event := each.end()))]
 
     def push_all(
-        self,
-        events: Sequence[Admitted],
-        arrival: float,
-        *,
-        newest_only: bool = False,  # noqa: ARG002 - as `Performers`; the workers see for themselves what has waited
+        self, events: Sequence[Admitted], arrival: float, *, newest_only: bool = False
     ) -> list[Recognition | None]:
         """Send frames to their workers, in order; their answers go to `publish` later."""
+        # The workers see for themselves what has waited.
+        del newest_only
         for_worker: dict[str, list[SentFrame]] = {}
         for event in events:
             if isinstance(event, Frame):

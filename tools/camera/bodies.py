@@ -284,8 +284,6 @@ def overlaps(boxes: NDArray[np.float64], box: NDArray[np.float64]) -> NDArray[np
     return shares
 
 
-#: Joints that a frame needs at least.
-MIN_JOINTS = 5
 #: The presence from which on a landmark is taken to be inside of the picture.
 _INSIDE = 0.5
 

@@ -224,12 +224,9 @@ def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
     for label in names:
         if label not in there:
             raise ValueError(f"--map: expected a label of the takes, {', '.join(sorted(there))}, got {label!r}")
-
-    def renamed_in(take: Take) -> Take:
-        contains = tuple(names.get(name, name) for name in take.contains)
-        return replace(take, segments=renamed(take.segments, names), contains=contains)
-
-    return [renamed_in(take) for take in takes]
+    contained = (tuple(names.get(name, name) for name in take.contains) for take in takes)
+    pairs = zip(takes, contained, strict=True)
+    return [replace(take, segments=renamed(take.segments, names), contains=each) for take, each in pairs]
 
 
 def distinct(names: Iterable[str]) -> list[str]:
@@ -372,8 +369,11 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 
-def add_protocol(parser: argparse.ArgumentParser) -> None:
-    """Add the options for tables of takes, and for the library and the recogniser that are asked."""
+def add_asked(parser: argparse.ArgumentParser) -> None:
+    """Add the options for takes of all kinds, and for the library and the recogniser that are asked."""
+    add_sources(parser, "the library's own motions")
+    text = "recordings, or folders, without known motions"
+    parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help=text)
     arguments.add_takes(parser)
     arguments.add_shared(parser, "--library", "--either-side")
     text = (

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream import Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, landmark_body, require_extra, upright
+from kinespace.tools.camera.bodies import Bodies, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.console import say

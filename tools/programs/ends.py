@@ -18,7 +18,7 @@ from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.commands import CommandReader, RequestSource
+from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, BodySink, Layout, LayoutSink, ReplySink, Sink, WrittenLayout, ZmqSink
@@ -106,8 +106,6 @@ def _lacking(addresses: Sequence[str]) -> list[str]:
     return [f"{joint} waits for {axes}" for joint, axes in waits.items() if axes]
 
 
-#: The addresses of all of a machine's networks, and of the machine itself.
-_LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 #: Where the page's process finds its recogniser.
 _HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
 #: What a person hears who would teach where nobody may.
@@ -150,7 +148,7 @@ class Ends(ExitStack):
         self._browsers = list[zeromq.ZmqReceiver]()
         #: The networks that may connect, and these with this machine; none where all may.
         self._networks: Networks = [ipaddress.ip_network(each, strict=False) for each in options.allow_from]
-        self._near: Networks = [*self._networks, *_LOOPBACK] if self._networks else ()
+        self._near: Networks = [*self._networks, *THIS_MACHINE] if self._networks else ()
         self._keyring = self.enter_context(Keyring(options.keys)) if options.keys else None
 
     def _kept(self, end: _End) -> _End:

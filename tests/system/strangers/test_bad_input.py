@@ -74,6 +74,8 @@ REFUSED = {
         f"{command} tcp://*:*": f"{command.split()[-1].strip('@')}: expected --keys, --allow-from or --open with tcp://*"
         for command in ("live --zmq-in", "live --osc-in :0 --teach {folder}/mine.npz --control")
     },
+    # Not when somebody teaches.
+    "page --port 0 --control tcp://nowhere": "tcp://nowhere: Invalid argument",
     "replay squat1Reps --listen @tcp://*:*": "--listen: expected --keys, --allow-from or --open with tcp://*:*, which ",
     # Ports that another program has, which keeps them.
     **{

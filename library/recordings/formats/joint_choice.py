@@ -87,10 +87,10 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
             people.setdefault(person, {})[place] = rest
         rests = [{*each.values()} for each in people.values()]
         twice = not count and sum(map(len, rests)) > len(set().union(*rests))
-        if len(people) > 1 and (
-            twice or (count and all(people) and all(Naming().read([*each]).convention for each in rests))
-        ):
-            return {person: each for person, each in people.items() if len(each) > 1}
+        found = {person: each for person, each in people.items() if len(each) > 1}
+        named = count and all(people) and all(Naming().read([*each]).convention for each in rests)
+        if len(people) > 1 and found and (twice or named):
+            return found
     return {"": dict(enumerate(labels))}
 
 

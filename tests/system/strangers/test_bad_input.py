@@ -147,6 +147,10 @@ REFUSED = {
     },
     "replay {torn} --osc 127.0.0.1:9 --from 2": "within its 1.00 s; {torn}: byte",
     "replay {none} --osc 127.0.0.1:9": "{none}: no packets in it",
+    **{
+        f"{command} {{none}}": "{none}: expected a performer with at least 2 frames, got none"
+        for command in ("build -o a.npz", "cut")
+    },
     "convert {tape} -o a.txt": "a.txt: expected a file that ends in .npz or .csv",
     "convert {tape} -o a.csv": "{tape}: expected --performer, one of ann, bob",
     "convert {tape} -o a.csv --performer eve": "{tape}: no frame of 'eve' in it",

@@ -1,9 +1,9 @@
-"""Receivers: a port or a subscription on which packets come in, and the protocol of every transport's endpoint."""
+"""Packets, their senders, and what a source says that has none."""
 
 import math
 from collections.abc import Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 _Key = TypeVar("_Key")
 _Value = TypeVar("_Value")
@@ -57,29 +57,3 @@ class IdleSource:
     tended_within = patience = math.inf
     waited = lag = 0.0
     has_put_aside = False
-
-
-class Receiver(Protocol):
-    """An endpoint on which packets come in. Its text is for people, like `OSC 127.0.0.1:9310`."""
-
-    #: The address as recordings name it: the transport, a space and the address.
-    place: str
-    #: The sender of the last packet.
-    sender: Sender
-    #: Seconds for which the last packet waited in the system; 0 where the transport does not say.
-    waited: float
-    #: Packets that the system dropped because they came faster than they were received.
-    kernel_drops: int
-
-    @property
-    def socket(self) -> object:
-        """The socket, which `zmq.Poller` can wait for."""
-
-    def broken(self) -> int:
-        """Count the connections that broke while the sender was there; call it about once a second."""
-
-    def receive(self) -> Packet | None:
-        """Take the next packet; None when no packet waits."""
-
-    def close(self) -> None:
-        """Close the socket."""

@@ -23,10 +23,13 @@ from kinespace.stream.inputs.kinerec import Recorder
 from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
-from kinespace.stream.packet import Packet, Receiver, Sender, remember, sender_name
+from kinespace.stream.packet import Packet, Sender, remember, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
+from kinespace.stream.zeromq import ZmqReceiver
 
+#: A port or a subscription on which packets come in.
+Receiver = OscReceiver | ZmqReceiver
 #: Seconds between two turns of most sources that have work to do even when no packet comes.
 TENDING = 0.02
 #: Senders that are named in the notes, at most.

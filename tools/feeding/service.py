@@ -20,6 +20,7 @@ import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Recognizer, Settings, osc, zeromq
+from kinespace.stream.inputs import Receiver
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import Endpoint
@@ -37,8 +38,6 @@ _MAX_WAIT = 100
 
 #: Scores agree to the digits that every transport carries.
 _SAME_SCORE = 1e-5
-
-Receiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 class Received(NamedTuple):

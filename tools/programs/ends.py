@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Receiver, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
@@ -112,9 +112,6 @@ _HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
 _NO_LESSONS = "teaching is off: start kinespace live with --teach FILE"
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
 
-_AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
-
-
 _End = TypeVar("_End", bound=Any)
 
 
@@ -180,7 +177,7 @@ class Ends(ExitStack):
 
     def open(self, preset: Preset | None = None) -> None:
         """Open the addresses and the recording; frames of browsers are our own, whatever the feed."""
-        options, keyring, receivers = self._options, self._keyring, list[_AnyReceiver]()
+        options, keyring, receivers = self._options, self._keyring, list[Receiver]()
         networks = self._near if options.camera or options.lsl_in else self._networks
         if options.osc_in:
             with opening("--osc-in"):
@@ -205,7 +202,9 @@ class Ends(ExitStack):
             # Last, because it may take another file's place.
             options.record.unlink(missing_ok=True)
             presets = {preset.name: preset.text} if preset else {}
-            self.recording = self._kept(RawWriter(options.record, [source_name(*each) for each in read], presets))
+            self.recording = self._kept(
+                RawWriter(options.record, [source_name(each.place, fed) for each, fed in read], presets)
+            )
         for index, (receiver, fed) in enumerate(read):
             recorder = Recorder(self.recording, index) if self.recording else None
             source = self._kept(_source(receiver, recorder, fed, options.sender, self._admission))
@@ -254,7 +253,7 @@ def _own_port(sources: Sequence[Source]) -> tuple[str, int]:
 
 
 def _source(
-    receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
+    receiver: Receiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
 ) -> Source:
     if preset:
         source: Source = FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
@@ -266,7 +265,7 @@ def _source(
     return source
 
 
-def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
+def _layout_sink(text: str, receivers: Sequence[Receiver], admission: Admission) -> Sink:
     """Open NAME or FILE.toml, perhaps with =HOST:PORT or =sender:PORT."""
     name, _, target = text.partition("=")
     if name == LSL and not target:
@@ -287,7 +286,7 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
     return ReplySink(layout, by_osc[0], port, admission)
 
 
-def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
+def _require_no_loop(receivers: Sequence[Receiver], sink: Sink) -> None:
     """Refuse answers to a port on which frames come in: they would be taken for frames."""
     for receiver in receivers:
         if isinstance(receiver, osc.OscReceiver) and _reaches(sink, *receiver.address):

@@ -11,6 +11,7 @@ from array import array
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -288,11 +289,9 @@ def find_asf(amc: Path) -> Path:
     named = hdm05.read_clip_name(amc)
     stems = [f"HDM_{named.actor}"] if named else []
     stems += [amc.stem, amc.stem.split("_")[0]]
-    for folder in (amc.parent, amc.parent.parent):
-        for stem in stems:
-            for ending in (".asf", ".ASF"):
-                if (folder / f"{stem}{ending}").is_file():
-                    return folder / f"{stem}{ending}"
+    for folder, stem, ending in product((amc.parent, amc.parent.parent), stems, (".asf", ".ASF")):
+        if (found := folder / f"{stem}{ending}").is_file():
+            return found
     raise RecordingError(
         f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} in its folder or one folder up"
     )

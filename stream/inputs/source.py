@@ -81,15 +81,13 @@ class Source:
         The receiver of packets; closed by `close`.
     decoder
         The decoder of packets.
-    recorder
-        Keeps every packet before it is decoded; None for no recording.
     admission
         Admits frames or refuses them, the same for all sources of a service; None admits all.
 
     Attributes
     ----------
     recorder
-        As given; it may change while the source is open.
+        Keeps every packet before it is decoded; None for no recording.
     pollable
         The socket.
     tended_within
@@ -111,12 +109,10 @@ class Source:
         the same performer, are dropped unread, and counted.
     """
 
-    def __init__(
-        self, receiver: Receiver, decoder: Decoder, recorder: Recorder | None = None, admission: Admission | None = None
-    ) -> None:
+    def __init__(self, receiver: Receiver, decoder: Decoder, admission: Admission | None = None) -> None:
         self.receiver, self.pollable = receiver, receiver.socket
         self.decoder, self.tended_within = decoder, TENDING if decoder.expires else math.inf
-        self.recorder: Recorder | Survey | None = recorder
+        self.recorder: Recorder | Survey | None = None
         self.commands: CommandReader | None = None
         self.place = str(self)
         self.unread: Unread | None = None
@@ -334,8 +330,6 @@ class FeedSource(Source):
         The meaning of the packets.
     sender
         The host that gets the messages, for presets that have any.
-    recorder
-        Keeps every packet; None for no recording.
     admission
         Admits frames or refuses them; None admits all.
 
@@ -348,16 +342,10 @@ class FeedSource(Source):
     decoder: FeedDecoder
 
     def __init__(
-        self,
-        receiver: Receiver,
-        preset: Preset,
-        *,
-        sender: str = "127.0.0.1",
-        recorder: Recorder | None = None,
-        admission: Admission | None = None,
+        self, receiver: Receiver, preset: Preset, admission: Admission | None = None, *, sender: str = "127.0.0.1"
     ) -> None:
         self.preset = preset
-        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
+        super().__init__(receiver, FeedDecoder(preset), admission)
         self.unasked = 0
         self._asked = -math.inf
         self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None

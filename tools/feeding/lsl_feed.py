@@ -79,13 +79,13 @@ class LslFeed:
     """
 
     def __init__(self, name: str, host: str, port: int) -> None:
-        self._lsl = lsl()
-        streams = self._lsl.resolve_byprop("name", name, timeout=_FOUND_WITHIN)
+        found = lsl()
+        streams = found.resolve_byprop("name", name, timeout=_FOUND_WITHIN)
         if not streams:
-            others = sorted({each.name() for each in self._lsl.resolve_streams(0.5)})
+            others = sorted({each.name() for each in found.resolve_streams(0.5)})
             raise OSError(f"--lsl-in: no stream {name!r} on the network; there are: {', '.join(others) or 'none'}")
-        clocks = self._lsl.proc_clocksync | self._lsl.proc_monotonize
-        self._inlet = self._lsl.StreamInlet(streams[0], max_buflen=_KEPT, processing_flags=clocks)
+        clocks = found.proc_clocksync | found.proc_monotonize
+        self._inlet = found.StreamInlet(streams[0], max_buflen=_KEPT, processing_flags=clocks)
         info = self._inlet.info(timeout=_FOUND_WITHIN)
         described = (info.get_channel_labels(), info.get_channel_types(), info.get_channel_units())
         blank = [""] * info.channel_count()

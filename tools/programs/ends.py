@@ -206,8 +206,8 @@ class Ends(ExitStack):
                 RawWriter(options.record, [source_name(each.place, fed) for each, fed in read], presets)
             )
         for index, (receiver, fed) in enumerate(read):
-            recorder = Recorder(self.recording, index) if self.recording else None
-            source = self._kept(_source(receiver, recorder, fed, options.sender, self._admission))
+            source = self._kept(_source(receiver, fed, options.sender, self._admission))
+            source.recorder = Recorder(self.recording, index) if self.recording else None
             source.place = "" if receiver in self._browsers else source.place
             self.sources.append(source)
 
@@ -252,14 +252,11 @@ def _own_port(sources: Sequence[Source]) -> tuple[str, int]:
     return "127.0.0.1" if host in _ANY_HOST else host, port
 
 
-def _source(
-    receiver: Receiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
-) -> Source:
+def _source(receiver: Receiver, preset: Preset | None, sender: str, admission: Admission) -> Source:
     if preset:
-        source: Source = FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
+        source: Source = FeedSource(receiver, preset, admission, sender=sender)
     else:
-        decoder = OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder()
-        source = Source(receiver, decoder, recorder, admission)
+        source = Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), admission)
     if isinstance(receiver, osc.OscReceiver):
         source.unread = Unread(receiver.address, preset)
     return source

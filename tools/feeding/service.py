@@ -344,11 +344,9 @@ def background_service(
     with ExitStack() as opened:
         receiver = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0))) if transport == "osc" else None
         port = receiver.address[1] if receiver else 0
-        to_osc, to_zmq = (
-            (f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"),
-            (f"--zmq-in={ANY}", f"--zmq-out={ANY}"),
-        )
-        command = ["--plain", "--performers", f"{performers}", *(to_osc if receiver else to_zmq)]
+        command = ["--plain", "--performers", f"{performers}"]
+        command += [f"--zmq-in={ANY}", f"--zmq-out={ANY}"] if receiver is None else []
+        command += [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"] if receiver else []
         command += arguments_of(settings) if settings else []
         if library:
             file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"

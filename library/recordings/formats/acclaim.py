@@ -292,9 +292,8 @@ def find_asf(amc: Path) -> Path:
     for folder, stem, ending in product((amc.parent, amc.parent.parent), stems, (".asf", ".ASF")):
         if (found := folder / f"{stem}{ending}").is_file():
             return found
-    raise RecordingError(
-        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} in its folder or one folder up"
-    )
+    names = " or ".join(f"{stem}.asf" for stem in stems)
+    raise RecordingError(f"{amc}: no skeleton {names} in its folder or one folder up")
 
 
 def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: float | None = None) -> Clip:

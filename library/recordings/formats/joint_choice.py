@@ -55,11 +55,8 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
         return [index for index, label in enumerate(labels) if not _UNNAMED.fullmatch(_after_colon(label))]
     found = set[int]()
     for pattern in wanted:
-        fitting = {
-            index
-            for index, label in enumerate(labels)
-            if fnmatchcase(label, pattern) or fnmatchcase(_after_colon(label), pattern)
-        }
+        named = enumerate(zip(labels, map(_after_colon, labels), strict=True))
+        fitting = {index for index, names in named if any(fnmatchcase(name, pattern) for name in names)}
         if not fitting:
             raise ValueError(f"no joint is called {pattern!r}; there are {', '.join(labels)}")
         found |= fitting

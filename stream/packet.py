@@ -1,8 +1,9 @@
-"""Receivers: a port or a subscription on which packets come in, and the protocol of every transport's endpoint."""
+"""Packets, their senders, and what a source says that has none."""
 
+import math
 from collections.abc import Sequence
 from ipaddress import IPv4Network, IPv6Network, ip_address
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 _Key = TypeVar("_Key")
 _Value = TypeVar("_Value")
@@ -45,27 +46,14 @@ def is_within(host: str, networks: Networks) -> bool:
     return any(address in network for network in networks)
 
 
-class Receiver(Protocol):
-    """An endpoint on which packets come in. Its text is for people, like `OSC 127.0.0.1:9310`."""
+class IdleSource:
+    """What a service's loop asks of a source: this one has no packets aside, waits for nobody, and is never late."""
 
-    #: The address as recordings name it: the transport, a space and the address.
-    place: str
-    #: The sender of the last packet.
-    sender: Sender
-    #: Seconds for which the last packet waited in the system; 0 where the transport does not say.
-    waited: float
-    #: Packets that the system dropped because they came faster than they were received.
-    kernel_drops: int
-
-    @property
-    def socket(self) -> object:
-        """The socket, which `zmq.Poller` can wait for."""
-
-    def broken(self) -> int:
-        """Count the connections that broke while the sender was there; call it about once a second."""
-
-    def receive(self) -> Packet | None:
-        """Take the next packet; None when no packet waits."""
-
-    def close(self) -> None:
-        """Close the socket."""
+    #: No frames come in here.
+    place = ""
+    #: Notes for a person, a line each.
+    notes: Sequence[str] = ()
+    #: Nothing is due by the clock.
+    tended_within = patience = math.inf
+    waited = lag = 0.0
+    has_put_aside = False

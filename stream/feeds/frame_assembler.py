@@ -15,7 +15,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -75,12 +74,6 @@ class AssemblerCounts:
     absent: Counter[str] = field(default_factory=Counter)
 
 
-class _Packet(NamedTuple):
-    arrival: float
-    sender: int
-    bundle: bool
-
-
 @dataclass(slots=True)
 class _Body:
     """One performer's open frame."""
@@ -124,6 +117,8 @@ class FrameAssembler:
         self._out: list[Frame | Announcement] = []
         #: The last time that each sender sent for all its performers.
         self._sender_times: dict[int, float] = {}
+        #: Of the last packet: when it came, the number of its sender, and whether it was a bundle.
+        self._arrival, self._sender, self._in_bundle = 0.0, 1, False
         self._needed = tuple(name for name, target in preset.joint_map.items() if target)
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
@@ -154,8 +149,8 @@ class FrameAssembler:
         -------
         Frames that were completed, each performer's joints announced before the performer's first frame.
         """
-        packet = _Packet(arrival, sender, bundle)
-        self._expire(arrival)
+        self._arrival, self._sender, self._in_bundle = arrival, sender, bundle
+        given = self.expire(arrival)
         touched = dict[str, None]()
         for message in messages:
             try:
@@ -167,22 +162,16 @@ class FrameAssembler:
             if reading is None:
                 self.counts.foreign += 1
             elif reading.means not in (Means.NAME, Means.ORDER):
-                touched |= dict.fromkeys(self._take(reading, packet))
+                touched |= dict.fromkeys(self._take(reading))
         if bundle:
             for name in touched:
                 self._end_bundle(name)
-        return self._given()
-
-    def expire(self, now: float) -> list[Frame | Announcement]:
-        """Close frames that wait for too long, and forget silent performers."""
-        self._expire(now)
-        return self._given()
-
-    def _given(self) -> list[Frame | Announcement]:
-        given, self._out = self._out, []
+        given += self._out
+        self._out = []
         return given
 
-    def _expire(self, now: float) -> None:
+    def expire(self, now: float) -> list[Frame | Announcement]:
+        """Close frames that wait for too long, and forget silent performers; give what was completed until now."""
         for name, body in list(self._bodies.items()):
             silent = now - body.last_message
             timeout = min(self.preset.closings.timeout, _PAUSE * body.interval)
@@ -190,46 +179,51 @@ class FrameAssembler:
                 self._close(name, body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
                 del self._bodies[name]
+        given, self._out = self._out, []
+        return given
 
-    def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
+    def _take(self, reading: Reading) -> Sequence[str]:
         """Take in one message; give the performers it is about."""
         if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
-            self._sender_times[packet.sender] = reading.time
-        names = self._names(reading, packet.sender)
+            self._sender_times[self._sender] = reading.time
+        names = self._names(reading)
         for name in names:
-            body = self._bodies.get(name) or self._new_body(name, reading, packet)
+            body = self._bodies.get(name) or self._new_body(name, reading)
             if body is not None:
-                body.last_message = packet.arrival
-                self._take_for(name, body, reading, packet)
+                body.last_message = self._arrival
+                self._take_for(name, body, reading)
         return names
 
-    def _take_for(self, name: str, body: _Body, reading: Reading, packet: _Packet) -> None:
+    def _take_for(self, name: str, body: _Body, reading: Reading) -> None:
         if not reading.present:
             if body.open:
                 self._close(name, body, Closing.END)
             body.seen.clear()
         elif reading.means in (Means.BEGIN, Means.END):
-            body.ending |= packet.bundle and reading.means is Means.END
+            body.ending |= self._in_bundle and reading.means is Means.END
             if body.open and not body.ending:
                 self._close(name, body, Closing.END)
             body.time = reading.time if reading.time is not None else body.time
         elif reading.means is Means.TIME:
             body.time = reading.time
-        elif reading.means is Means.FRAME:
-            self._add_whole(name, body, reading, packet.arrival)
         else:
-            self._add(name, body, reading, packet.arrival)
+            is_whole = reading.means is Means.FRAME
+            if is_whole and body.open:
+                self._close(name, body, Closing.REPEAT)
+            self._add(name, body, reading)
+            if is_whole and body.open:
+                self._close(name, body, Closing.COMPLETE)
 
-    def _names(self, reading: Reading, sender: int) -> Sequence[str]:
+    def _names(self, reading: Reading) -> Sequence[str]:
         """Give the performers that a message is about: all of its sender's if it names none and is no joint."""
-        suffix = "" if sender == 1 else f"-{sender}"
+        suffix = "" if self._sender == 1 else f"-{self._sender}"
         if reading.performer is not None:
             return (reading.performer + suffix,)
         if reading.means in (Means.JOINT, Means.FRAME) or not self._says_who:
             return (self.preset.performer + suffix,)
-        return [name for name, body in self._bodies.items() if body.sender == sender]
+        return [name for name, body in self._bodies.items() if body.sender == self._sender]
 
-    def _new_body(self, name: str, reading: Reading, packet: _Packet) -> _Body | None:
+    def _new_body(self, name: str, reading: Reading) -> _Body | None:
         """Begin a performer, if the message has joints and there is room."""
         if reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings):
             return None
@@ -238,19 +232,11 @@ class FrameAssembler:
         if len(self._bodies) >= MAX_PERFORMERS:
             self.counts.no_room += 1
             return None
-        last = self._sender_times.get(packet.sender)
-        body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
+        last = self._sender_times.get(self._sender)
+        body = self._bodies[name] = _Body(self._sender, self._arrival, time=last, interval=1 / self.preset.rate)
         return body
 
-    def _add_whole(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
-        """Take in all joints of a frame at once."""
-        if body.open:
-            self._close(name, body, Closing.REPEAT)
-        self._add(name, body, reading, arrival)
-        if body.open:
-            self._close(name, body, Closing.COMPLETE)
-
-    def _add(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
+    def _add(self, name: str, body: _Body, reading: Reading) -> None:
         """Take in a joint, or several that came together."""
         if reading.time is not None and not self._in_time(name, body, reading.time):
             self.counts.late += len(reading.sightings)
@@ -259,27 +245,23 @@ class FrameAssembler:
             if sighting.position is None:
                 self.counts.unsure += 1
                 continue
-            if sighting.joint in body.open:
-                self._see_again(name, body)
+            # The next frame's first joint, or a late one.
+            if sighting.joint in body.open and self._is_straggler(body):
+                self.counts.late += 1
+            elif sighting.joint in body.open and Closing.REPEAT in self.preset.closings.by:
+                self._close(name, body, Closing.REPEAT)
             if not body.open:
-                body.opened = arrival
+                body.opened = self._arrival
             body.time = body.time if reading.time is None else reading.time
             if sighting.joint in body.seen:
-                since = arrival - body.seen[sighting.joint][1]
+                since = self._arrival - body.seen[sighting.joint][1]
                 body.interval += _NEWER * (min(since, _MAX_INTERVAL) - body.interval)
             body.open[sighting.joint] = sighting
-            body.seen[sighting.joint] = (sighting, arrival)
+            body.seen[sighting.joint] = (sighting, self._arrival)
         # The count is quick, and excludes all but the last joints.
         all_here = len(body.open) >= len(self._targets) and self._has_all(body.open)
         if all_here and Closing.COMPLETE in self.preset.closings.by:
             self._close(name, body, Closing.COMPLETE)
-
-    def _see_again(self, name: str, body: _Body) -> None:
-        """Handle a joint that is in the frame already: it is the next frame's first joint, or a late one."""
-        if self._is_straggler(body):
-            self.counts.late += 1
-        elif Closing.REPEAT in self.preset.closings.by:
-            self._close(name, body, Closing.REPEAT)
 
     def _in_time(self, name: str, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""
@@ -301,10 +283,6 @@ class FrameAssembler:
         earliest = body.opened - self.preset.closings.hold
         return sum(moment >= earliest for _, moment in body.seen.values())
 
-    def _is_all_that_comes(self, body: _Body) -> bool:
-        """Say whether the frame has every joint that came lately; False until all joints have come once."""
-        return len(body.open) >= self._coming(body) and (self._takes_some or self._has_all(body.seen))
-
     def _has_all(self, joints: Iterable[str]) -> bool:
         return {self.preset.joint_map[joint] for joint in joints}.issuperset(self._targets)
 
@@ -315,7 +293,13 @@ class FrameAssembler:
         ended, body.ending = body.ending, False
         if body.open and ended:
             self._close(name, body, Closing.END)
-        elif body.open and Closing.BUNDLE in self.preset.closings.by and self._is_all_that_comes(body):
+        # With every joint that came lately, and not until all joints have come once.
+        elif (
+            body.open
+            and Closing.BUNDLE in self.preset.closings.by
+            and len(body.open) >= self._coming(body)
+            and (self._takes_some or self._has_all(body.seen))
+        ):
             self._close(name, body, Closing.BUNDLE)
 
     def _close(self, name: str, body: _Body, by: Closing) -> None:

@@ -227,9 +227,7 @@ class _Way:
 
     def literals_fit(self, arguments: Sequence[object]) -> bool:
         """Say whether the arguments have the texts that the rule demands."""
-        return not self._literals or all(
-            place < len(arguments) and arguments[place] == text for place, text in self._literals
-        )
+        return all(place < len(arguments) and arguments[place] == text for place, text in self._literals)
 
     def nobody(self, arguments: Sequence[object]) -> bool:
         """Say whether the message says that there is no performer."""

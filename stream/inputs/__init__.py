@@ -2,5 +2,5 @@
 
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.decoder import Decoder, OscDecoder, ZmqDecoder
-from kinespace.stream.inputs.source import FeedSource, Source
-from kinespace.stream.packet import Packet, Receiver, Sender
+from kinespace.stream.inputs.source import FeedSource, Receiver, Source
+from kinespace.stream.packet import Packet, Sender

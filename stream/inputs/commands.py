@@ -8,7 +8,7 @@ from ipaddress import ip_network
 import zmq
 
 from kinespace.stream.frame import Admitted
-from kinespace.stream.packet import KEYED, Networks, Packet, Sender, datagram_of, is_within, remember
+from kinespace.stream.packet import KEYED, IdleSource, Networks, Packet, Sender, datagram_of, is_within, remember
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import State, commands
 from kinespace.stream.teaching.commands import Asked, CommandError
@@ -21,33 +21,40 @@ _MAX_ADDRESS = 512
 _A_SECOND = 20
 #: Senders whose commands are counted, at most.
 _MAX_SENDERS = 256
-_THIS_MACHINE = ip_network("127.0.0.0/8"), ip_network("::1/128")
+#: The addresses of this machine.
+THIS_MACHINE = ip_network("127.0.0.0/8"), ip_network("::1/128")
 
 
 def may_command(sender: Sender, networks: Networks) -> bool:
     """Say whether a sender may command: from this machine, from the given networks, or as the owner of a known key."""
-    return sender is not None and (sender[0].startswith(KEYED) or is_within(sender[0], (*_THIS_MACHINE, *networks)))
+    return sender is not None and (sender[0].startswith(KEYED) or is_within(sender[0], (*THIS_MACHINE, *networks)))
 
 
-class Quota:
-    """Counts each sender's commands: some take hundredths of a second, in which nobody is answered."""
+class Commanders:
+    """Knows who may command, and counts the commands: some take hundredths of a second, in which nobody is answered.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    networks
+        Networks whose senders may command, as this machine may.
+    """
+
+    def __init__(self, networks: Networks) -> None:
+        self._networks = networks
         #: How many count still, by host or key, and when.
         self._used: dict[str, tuple[float, float]] = {}
 
-    def allows(self, host: str, commands: int, now: float) -> bool:
-        """Say whether a sender may give some commands at a moment in seconds; then they count."""
+    def refusal(self, sender: Sender, commands: int, now: float) -> str:
+        """Say why a sender may not give some commands at a moment in seconds; empty where it may: then they count."""
+        host = sender[0] if sender else ""
+        if not may_command(sender, self._networks):
+            return f"a control message from {host or 'elsewhere'}: see --allow-from"
         used, since = self._used.get(host, (0.0, now))
         used = max(used - _A_SECOND * (now - since), 0.0) + commands
         if used > _A_SECOND:
-            return False
+            return f"too many commands: expected at most {_A_SECOND} a second"
         remember(self._used, host, (used, now), _MAX_SENDERS)
-        return True
-
-
-#: What a sender hears whose commands are too many.
-TOO_MANY = f"too many commands: expected at most {_A_SECOND} a second"
+        return ""
 
 
 class CommandReader:
@@ -69,7 +76,7 @@ class CommandReader:
     """
 
     def __init__(self, networks: Networks = (), no_lessons: str = "") -> None:
-        self._networks, self._no_lessons, self._quota = networks, no_lessons, Quota()
+        self._commanders, self._no_lessons = Commanders(networks), no_lessons
         self.received = self.refused = self.others = 0
 
     def read(self, packet: Packet, sender: Sender, now: float) -> Sequence[Asked] | None:
@@ -89,21 +96,15 @@ class CommandReader:
             given = commands.decode(said)
         except CommandError as error:
             mistake = str(error)
-        refusal = self._refusal(given, sender, now) or mistake
+        teaches = not all(isinstance(each, commands.Reset) for each in given)
+        refusal = self._commanders.refusal(sender, max(len(given), 1), now)
+        refusal = refusal or (self._no_lessons if teaches else "") or mistake
         self.received += 1
         self.refused += bool(refusal)
         return [Asked(None, refusal)] if refusal else [Asked(each) for each in given]
 
-    def _refusal(self, given: Sequence[commands.Command], sender: Sender, now: float) -> str:
-        """Say why a sender's commands are not obeyed; empty where they are."""
-        if not may_command(sender, self._networks):
-            return f"a control message from {sender[0] if sender else 'elsewhere'}: see --allow-from"
-        if self._no_lessons and not all(isinstance(each, commands.Reset) for each in given):
-            return self._no_lessons
-        return "" if self._quota.allows(sender[0] if sender else "", max(len(given), 1), now) else TOO_MANY
 
-
-class RequestSource:
+class RequestSource(IdleSource):
     """A source without frames: one command in each request.
 
     Parameters
@@ -123,24 +124,13 @@ class RequestSource:
         The socket, and the endpoint as bound.
     """
 
-    #: No frames come in here.
-    place = ""
-    #: Nothing is due by the clock.
-    tended_within = float("inf")
-    has_put_aside = False
-    #: There are no notes for a person.
-    notes: Sequence[str] = ()
-    #: A command is carried out when it comes; how long it waited does not matter.
-    waited = lag = 0.0
-    patience = float("inf")
-
     def __init__(
         self, endpoint: Endpoint, commanding: Networks, keyring: Keyring | None = None, *, networks: Networks = ()
     ) -> None:
         self.pollable = endpoint.open(zmq.REP, networks, keyring)
         self.address = str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
-        self._commanding, self._keyed = commanding, keyring is not None
-        self._counts, self._quota = InputCounts(), Quota()
+        self._commanders, self._keyed = Commanders(commanding), keyring is not None
+        self._counts = InputCounts()
         #: Whether a request waits for its reply; the socket takes none before.
         self._owes = False
 
@@ -164,13 +154,11 @@ class RequestSource:
         return [self._asked(request, arrival)]
 
     def _asked(self, request: zmq.Frame, now: float) -> Asked:
-        peer = str(request.get("Peer-Address") or "")
-        if peer and not self._keyed and not may_command((peer, 0), self._commanding):
+        # Another process of this machine may have no address.
+        peer = str(request.get("Peer-Address") or "127.0.0.1")
+        if refusal := self._commanders.refusal((f"{KEYED}{peer}" if self._keyed else peer, 0), 1, now):
             self._counts.foreign += 1
-            return Asked(None, f"a control message from {peer}: see --allow-from", self._reply)
-        if not self._quota.allows(peer, 1, now):
-            self._counts.foreign += 1
-            return Asked(None, TOO_MANY, self._reply)
+            return Asked(None, refusal, self._reply)
         try:
             return Asked(commands.decode_json(request.bytes), "", self._reply)
         except CommandError as error:

@@ -7,7 +7,6 @@ same decoders, with the recorded arrivals and senders.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
-from typing import Protocol
 
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER, FrameAssembler
 from kinespace.stream.feeds.preset import Preset
@@ -26,21 +25,28 @@ _OSC = (b"/", b"#bundle\0")
 _MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
 
 
-class Decoder(Protocol):
-    """Decodes packets to frames and announcements."""
+class OscDecoder:
+    """Reads our own OSC messages.
 
-    #: Whether frames may stay open until time closes them: then `expire` must be called every few hundredths of a
-    #: second.
-    expires: bool
-    #: The last packets that could not be read, with the reason.
-    refusals: Refusals
+    Attributes
+    ----------
+    expires
+        Whether frames may stay open until time closes them: then `expire` must be called every few hundredths of a
+        second.
+    counts
+        Counts of packets, and of packets that could not be read.
+    refusals
+        The last packets that could not be read, with the reason.
+    """
 
-    @property
-    def counts(self) -> InputCounts:
-        """Counts of packets, and of packets that could not be read."""
+    expires = False
+
+    def __init__(self) -> None:
+        self.counts = InputCounts()
+        self.refusals = Refusals()
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
-        """Decode one packet.
+        """Decode a datagram.
 
         Parameters
         ----------
@@ -55,22 +61,6 @@ class Decoder(Protocol):
         -------
         Its frames and announcements in order, and frames that it completed.
         """
-
-    def expire(self, now: float) -> Sequence[Input]:
-        """Close frames that wait for too long; give the frames that this completed."""
-
-
-class OscDecoder:
-    """Reads our own OSC messages."""
-
-    expires = False
-
-    def __init__(self) -> None:
-        self.counts = InputCounts()
-        self.refusals = Refusals()
-
-    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
-        """Decode a datagram."""
         self.counts.received += 1
         received = decode_datagram(packet if isinstance(packet, bytes) else datagram_of(packet), arrival)
         if received.malformed:
@@ -177,6 +167,9 @@ class FeedDecoder:
     def expire(self, now: float) -> Sequence[Input]:
         """Close frames that wait for too long."""
         return self.assembler.expire(now)
+
+
+Decoder = OscDecoder | FeedDecoder
 
 
 @dataclass(slots=True)

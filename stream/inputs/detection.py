@@ -105,24 +105,6 @@ class Guess(NamedTuple):
         return (len(longest) - 1) / span if span > 0 else 0.0
 
 
-class Findings(NamedTuple):
-    """Oddities of a feed's frames.
-
-    Attributes
-    ----------
-    clocks
-        By performer, the conversion of times that are not seconds.
-    stretching
-        Performers many of whose segments change their length by more than a tenth.
-    refusals
-        The last packets that could not be read, with the reason, a line each.
-    """
-
-    clocks: dict[str, str]
-    stretching: tuple[str, ...]
-    refusals: tuple[str, ...]
-
-
 @dataclass(slots=True)
 class Survey:
     """Collects packets.
@@ -192,14 +174,14 @@ class Survey:
         """Read all packets by a preset, and say how well it fits."""
         if preset.name == NATIVE and self.announced:
             return self._as_our_own(preset)
-        mapper, assembler = Mapper(preset), FrameAssembler(preset)
+        assembler = FrameAssembler(preset)
         understood = total = 0
         joints = dict[str, None]()
         times: dict[str, list[float]] = {}
         for messages, arrival, bundle in self._unpacked_as(preset.packing):
             for message in messages:
                 total += 1
-                joints_here = _joints_in(mapper, message)
+                joints_here = _joints_in(assembler.mapper, message)
                 if joints_here is not None:
                     understood += 1
                     joints |= dict.fromkeys(joints_here)
@@ -218,7 +200,7 @@ class Survey:
             assembler.counts.frames if len(came) >= MIN_JOINTS else 0,
             assembler.counts.incomplete,
             times,
-            tuple(sorted(mapper.unknown)),
+            tuple(sorted(assembler.mapper.unknown)),
             at_rest,
         )
 
@@ -236,8 +218,14 @@ class Survey:
         understood = ours / max(sum(kind.count for kind in self.kinds.values()), 1)
         return Guess(preset, understood, joints, whole if len(joints) >= MIN_JOINTS else 0, frames - whole, times)
 
-    def findings(self, preset: Preset) -> Findings:
-        """List the oddities of the packets, read by a preset."""
+    def findings(self, preset: Preset) -> tuple[dict[str, str], list[str], list[str]]:
+        """List the oddities of the packets, read by a preset.
+
+        Returns
+        -------
+        By performer, the conversion of times that are not seconds; performers many of whose segments change their
+        length by more than a tenth; and the last packets that could not be read, with the reason, a line each.
+        """
         decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
         joints: dict[str, tuple[str, ...]] = {}
         clocks: dict[str, SenderClock] = {}
@@ -252,11 +240,9 @@ class Survey:
                 clocks.setdefault(name, SenderClock()).read(event.time, arrival)
                 if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
                     lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
-        return Findings(
-            {name: clock.verdict.note for name, clock in clocks.items() if clock.verdict.note},
-            tuple(name for name, rows in lengths.items() if _stretches(np.array(rows))),
-            tuple(decoder.refusals.lines()),
-        )
+        stretching = [name for name, rows in lengths.items() if _stretches(np.array(rows))]
+        notes = {name: clock.verdict.note for name, clock in clocks.items() if clock.verdict.note}
+        return notes, stretching, decoder.refusals.lines()
 
     def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
         """Give the kept packets as messages, by one packing; packets of other packings hold none."""
@@ -274,13 +260,10 @@ class Survey:
         It is chosen by the frames made, then the joints found, then the messages read.
         """
         guesses = [self.looked_at_as(preset) for preset in presets]
-        likely = [each for each in guesses if len(each.joints) >= _fewest(each.preset)]
+        # So many joints must come for a preset to fit.
+        fewest = [MIN_JOINTS if each.closings.some else _LIKELY * len(each.sent) for each in presets]
+        likely = [each for each, least in zip(guesses, fewest, strict=True) if len(each.joints) >= least]
         return max(likely, key=_likelihood, default=None)
-
-
-def _fewest(preset: Preset) -> float:
-    """Give the number of joints that must come for a preset to fit."""
-    return MIN_JOINTS if preset.closings.some else _LIKELY * len(preset.sent)
 
 
 def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:

@@ -25,7 +25,7 @@ import msgspec
 
 from kinespace.library import memory
 from kinespace.stream.feeds import Preset
-from kinespace.stream.packet import Packet, Receiver, Sender, parts_of
+from kinespace.stream.packet import Packet, Sender, parts_of
 
 ENDING = ".kinerec"
 FORMAT = "kinespace raw recording"
@@ -257,9 +257,9 @@ class RawWriter:
         self._whole += size
 
 
-def source_name(receiver: Receiver, preset: Preset | None = None) -> str:
+def source_name(place: str, preset: Preset | None) -> str:
     """Name the place where packets come in, and the preset by which they are read, for a raw recording's header."""
-    return f"{receiver.place} feed {preset.name}" if preset else receiver.place
+    return f"{place} feed {preset.name}" if preset else place
 
 
 class Recorder:

@@ -23,10 +23,13 @@ from kinespace.stream.inputs.kinerec import Recorder
 from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
 from kinespace.stream.osc.udp import LookedUp, OscReceiver
-from kinespace.stream.packet import Packet, Receiver, Sender, remember, sender_name
+from kinespace.stream.packet import Packet, Sender, remember, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
+from kinespace.stream.zeromq import ZmqReceiver
 
+#: A port or a subscription on which packets come in.
+Receiver = OscReceiver | ZmqReceiver
 #: Seconds between two turns of most sources that have work to do even when no packet comes.
 TENDING = 0.02
 #: Senders that are named in the notes, at most.
@@ -78,15 +81,13 @@ class Source:
         The receiver of packets; closed by `close`.
     decoder
         The decoder of packets.
-    recorder
-        Keeps every packet before it is decoded; None for no recording.
     admission
         Admits frames or refuses them, the same for all sources of a service; None admits all.
 
     Attributes
     ----------
     recorder
-        As given; it may change while the source is open.
+        Keeps every packet before it is decoded; None for no recording.
     pollable
         The socket.
     tended_within
@@ -108,12 +109,10 @@ class Source:
         the same performer, are dropped unread, and counted.
     """
 
-    def __init__(
-        self, receiver: Receiver, decoder: Decoder, recorder: Recorder | None = None, admission: Admission | None = None
-    ) -> None:
+    def __init__(self, receiver: Receiver, decoder: Decoder, admission: Admission | None = None) -> None:
         self.receiver, self.pollable = receiver, receiver.socket
         self.decoder, self.tended_within = decoder, TENDING if decoder.expires else math.inf
-        self.recorder: Recorder | Survey | None = recorder
+        self.recorder: Recorder | Survey | None = None
         self.commands: CommandReader | None = None
         self.place = str(self)
         self.unread: Unread | None = None
@@ -331,8 +330,6 @@ class FeedSource(Source):
         The meaning of the packets.
     sender
         The host that gets the messages, for presets that have any.
-    recorder
-        Keeps every packet; None for no recording.
     admission
         Admits frames or refuses them; None admits all.
 
@@ -345,16 +342,10 @@ class FeedSource(Source):
     decoder: FeedDecoder
 
     def __init__(
-        self,
-        receiver: Receiver,
-        preset: Preset,
-        *,
-        sender: str = "127.0.0.1",
-        recorder: Recorder | None = None,
-        admission: Admission | None = None,
+        self, receiver: Receiver, preset: Preset, admission: Admission | None = None, *, sender: str = "127.0.0.1"
     ) -> None:
         self.preset = preset
-        super().__init__(receiver, FeedDecoder(preset), recorder, admission)
+        super().__init__(receiver, FeedDecoder(preset), admission)
         self.unasked = 0
         self._asked = -math.inf
         self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None

@@ -174,7 +174,19 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
     recording = RawFile(path)
     every = seen_in(decoded(recording.header, recording.packets(), preset))
     seen = {name: each for name, each in every.items() if each.frames > 1}
-    kept = _frames(recording, preset, seen)
+    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in seen}
+    ahead = dict.fromkeys(seen, 0.0)
+    began = next(iter(recording.packets())).arrival if seen else 0.0
+    for name, arrived, seconds, positions in ordered_frames(recording, preset, seen):
+        times, rows = kept[name]
+        time, arrival = seconds + ahead[name], arrived - began
+        if not np.isfinite(positions).all():
+            continue
+        if abs(time - arrival) > _ASTRAY:
+            ahead[name], time = arrival - seconds, arrival
+        if not times or time > times[-1]:
+            times.append(time)
+            rows.append(np.asarray(positions, dtype=np.float64))
     clips = [
         replace(
             evened(np.array(times), np.array(positions), begin=0.0).clip(seen[name].skeleton()),
@@ -187,24 +199,3 @@ def read_raw(path: Path, preset: Preset | None = None) -> list[Clip]:
     if not clips:
         raise RecordingError(f"{path}: expected a performer with at least 2 frames, got none")
     return clips
-
-
-def _frames(
-    recording: RawFile, preset: Preset | None, seen: Mapping[str, Seen]
-) -> dict[str, tuple[list[float], list[NDArray[np.float64]]]]:
-    """Give each performer's frames, at seconds since the first packet."""
-    kept: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {name: ([], []) for name in seen}
-    ahead = dict.fromkeys(seen, 0.0)
-    began = next(iter(recording.packets())).arrival
-    for name, arrived, seconds, positions in ordered_frames(recording, preset, seen):
-        if not np.isfinite(positions).all():
-            continue
-        times, rows = kept[name]
-        time, arrival = seconds + ahead[name], arrived - began
-        if abs(time - arrival) > _ASTRAY:
-            ahead[name] = arrival - seconds
-            time = arrival
-        if not times or time > times[-1]:
-            times.append(time)
-            rows.append(np.asarray(positions, dtype=np.float64))
-    return kept

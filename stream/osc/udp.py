@@ -77,14 +77,12 @@ class OscReceiver:
     host, port
         Where to listen; port 0 lets the system choose (then `address` holds it).
     networks
-        Networks whose datagrams are read; empty for all.
+        Networks whose datagrams are read, those of others as empty ones; empty for all.
 
     Attributes
     ----------
     address, place
         Host and port it listens on; and as recordings name them: `osc`, a space, host and port.
-    strangers
-        Datagrams from other networks; they are received as empty datagrams.
     kernel_drops
         Datagrams that the system dropped because they came faster than they were received (known on Linux only).
     waited
@@ -102,7 +100,6 @@ class OscReceiver:
         family, kind, address = _resolved(host, port)
         self._networks = networks
         self._is_admitted = lru_cache(maxsize=1024)(lambda host: is_within(host, networks))
-        self.strangers = 0
         self.socket = socket.socket(family, kind)
         try:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
@@ -148,7 +145,6 @@ class OscReceiver:
                 self.waited = waited if 0.0 <= waited < _MAX_WAITED else 0.0
         self.sender = sender[:2]
         if self._networks and not self._is_admitted(sender[0]):
-            self.strangers += 1
             return b""
         return datagram
 

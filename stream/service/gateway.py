@@ -6,7 +6,6 @@ a name that nobody else knows.
 """
 
 import itertools
-import math
 import multiprocessing
 import secrets
 import sys
@@ -27,7 +26,7 @@ from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
-from kinespace.stream.packet import remember
+from kinespace.stream.packet import IdleSource, remember
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Settings
 from kinespace.stream.recognizer.decision import Decision
@@ -346,13 +345,11 @@ class Gateway:
         return [*self._ended, *(event for each in self._tracks.values() if (event := each.end()))]
 
     def push_all(
-        self,
-        events: Sequence[Admitted],
-        arrival: float,
-        *,
-        newest_only: bool = False,  # noqa: ARG002 - as `Performers`; the workers see for themselves what has waited
+        self, events: Sequence[Admitted], arrival: float, *, newest_only: bool = False
     ) -> list[Recognition | None]:
         """Send frames to their workers, in order; their answers go to `publish` later."""
+        # The workers see for themselves what has waited.
+        del newest_only
         for_worker: dict[str, list[SentFrame]] = {}
         for event in events:
             if isinstance(event, Frame):
@@ -554,14 +551,10 @@ class Gateway:
         self._opened.close()
 
 
-class GatewaySource:
+class GatewaySource(IdleSource):
     """The messages of all workers, as a source of the service; no frames come in here."""
 
-    place = ""
-    lag = waited = 0.0
-    patience = math.inf
     tended_within = TENDING
-    has_put_aside = False
 
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.pollable = gateway, gateway.socket
@@ -572,7 +565,7 @@ class GatewaySource:
         return InputCounts(stale=self.gateway.reported.stale)
 
     @property
-    def notes(self) -> list[str]:
+    def notes(self) -> list[str]:  # type: ignore[override]  # they change
         """Notes for a person, a line each."""
         return self.gateway.notes
 

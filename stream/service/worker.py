@@ -22,6 +22,7 @@ from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
+from kinespace.stream.packet import IdleSource
 from kinespace.stream.recognition import Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts, SentJoints, Settings
 from kinespace.stream.recognizer.performers import PerformerCounts
@@ -183,7 +184,7 @@ def _opened(parts: list[bytes]) -> tuple[WindowIndex | None, Terms]:
     return index, terms
 
 
-class Worker(Sink):
+class Worker(Sink, IdleSource):
     """The source of a service, and its sink.
 
     Parameters
@@ -194,10 +195,7 @@ class Worker(Sink):
         For the recognisers.
     """
 
-    place = ""
-    patience = math.inf
     tended_within = TENDING
-    has_put_aside = False
 
     def __init__(self, socket: zmq.Socket[bytes], index: WindowIndex | None, terms: Terms) -> None:
         self.pollable = socket
@@ -212,7 +210,6 @@ class Worker(Sink):
             classes=terms.classes,
         )
         self.service = Service(self._performers, [self], [self])
-        self.lag = self.waited = 0.0
         self.counts = InputCounts()
         self._answers, self._next_report = list[Recognition](), 0.0
         #: Counts of the frames that were only shown, which the former worker has counted, too.

@@ -11,7 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from kinespace.library.recordings.formats.markers.marker_clip import clips_of_ma
 from kinespace.library.recordings.formats.timed_frames import evened
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
 from kinespace.stream.feeds import builtin_preset
+
+if TYPE_CHECKING:
+    from kinespace.tools.camera.networks import Networks
 
 #: Pixels of the landmark network's picture, and cells of its heat maps, on each side.
 SIDE, CELLS = 256, 64
@@ -166,16 +169,6 @@ _ONE_BODY = 0.4
 _MISSED, _MAX_WAY, _MAX_GROWN = 5.0, 1.0, 1.6
 
 
-class Finder(Protocol):
-    """Finds bodies in one picture, and the landmarks of one body (`networks.Networks`)."""
-
-    def bodies(self, picture: NDArray[np.uint8]) -> list[Region]:
-        """Give the region of each body."""
-
-    def landmarks(self, picture: NDArray[np.uint8], where: Region) -> Landmarks | None:
-        """Give the landmarks of the body in a region, if there is one."""
-
-
 class SeenBody(NamedTuple):
     """A body in one picture, and its name."""
 
@@ -210,7 +203,7 @@ class Bodies:
         `most` is below 1 or above `MAX_BODIES`.
     """
 
-    def __init__(self, finder: Finder, most: int, name: str) -> None:
+    def __init__(self, finder: "Networks", most: int, name: str) -> None:
         if not 1 <= most <= MAX_BODIES:
             raise ValueError(f"--people: expected 1 to {MAX_BODIES}, got {most}")
         self._finder = finder
@@ -284,8 +277,6 @@ def overlaps(boxes: NDArray[np.float64], box: NDArray[np.float64]) -> NDArray[np
     return shares
 
 
-#: Joints that a frame needs at least.
-MIN_JOINTS = 5
 #: The presence from which on a landmark is taken to be inside of the picture.
 _INSIDE = 0.5
 

@@ -3,7 +3,6 @@
 import argparse
 import errno
 import json
-import logging
 import os
 import sys
 import textwrap
@@ -12,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, TextIO, TypeVar
+from typing import Any, Literal, TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -20,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from kinespace.library import Clip, Reading, read_recordings
+from kinespace.library import Clip
 from kinespace.library.library_file import locked
 from kinespace.library.naming import summary
 from kinespace.library.recordings.formats.labels import labels_beside
@@ -45,51 +44,30 @@ console = _PrintableConsole(highlight=False, markup=False, emoji=False)
 progress_console = Console(stderr=True)
 
 
-_log = logging.getLogger("kinespace.lines")
+#: How lines are logged; None: they are printed as they are.
+_logs: Literal["text", "json"] | None = None
 
 
-class _Lines(logging.Formatter):
-    """Writes the wall clock (UTC), the level and the line; as JSON also the facts that the line tells."""
-
-    def __init__(self, kind: Literal["text", "json"]) -> None:
-        super().__init__()
-        self._kind = kind
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Write one line."""
-        moment = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        level, text = record.levelname.lower(), printable(record.getMessage().strip())
-        if self._kind == "text":
-            return f"{moment} {level:7} {text}"
-        facts: dict[str, object] = record.__dict__.get("facts", {})
-        return json.dumps({"time": moment, "level": level, "text": text, **facts})
+def log_as(kind: Literal["text", "json"] | None) -> None:
+    """Write every line that is said from now on with the wall clock (UTC) and a level; None: without, as before."""
+    global _logs  # noqa: PLW0603 - a program has one standard output
+    _logs = kind
 
 
-class _Handler(logging.StreamHandler[TextIO]):
-    """Writes lines; where the reader has gone, or the disk is full, that is the program's error, not a traceback."""
-
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802 - as logging calls it
-        """Raise the error that is being handled."""
-        raise  # noqa: PLE0704 - as above
-
-
-def log_as(kind: Literal["text", "json"]) -> None:
-    """Write every line that is said from now on with the wall clock and a level."""
-    handler = _Handler(sys.stdout)
-    handler.setFormatter(_Lines(kind))
-    _log.handlers, _log.propagate = [handler], False
-    _log.setLevel(logging.INFO)
-
-
-def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: int = logging.INFO) -> None:
-    """Print one line, which the terminal breaks where it is narrow; in a log, with its level and its facts.
+def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: str = "info") -> None:
+    """Print one line, which the terminal breaks where it is narrow; in a log, with its level, in JSON with its facts.
 
     Whatever names are in it, it stays one line, and has no control characters.
     """
-    if _log.handlers:
-        _log.log(level, "%s", line, extra={"facts": facts or {}})
-    else:
+    if _logs is None:
         console.print(printable(line) if isinstance(line, str) else line, soft_wrap=True)
+        return
+    moment = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    text = printable(str(line).strip())
+    logged = {"time": moment, "level": level, "text": text, **(facts or {})}
+    # In one piece: several threads write.
+    sys.stdout.write((json.dumps(logged) if _logs == "json" else f"{moment} {level:7} {text}") + "\n")
+    sys.stdout.flush()
 
 
 def note(line: str) -> None:
@@ -162,12 +140,7 @@ class _None:
 
 
 def print_scores(
-    scores: Iterable[Mapping[str, object]],
-    columns: str,
-    *,
-    title: str,
-    caption: str | None = None,
-    names: int = 1,
+    scores: Iterable[Mapping[str, object]], columns: str, *, title: str, caption: str | None = None, names: int = 1
 ) -> None:
     """Print a row for each score.
 
@@ -266,11 +239,6 @@ class NameNotes:
             elif self._said[kind] == _MAX_SAID + 1:
                 note(f"{clip.name}: {remark}; no more of this kind ({kind}) is said")
         return clip
-
-
-def read_with_notes(paths: Sequence[Path], reading: Reading) -> Iterator[Clip]:
-    """Read recordings one after the other, with a progress bar and notes on their joint names."""
-    return progress(map(NameNotes(), read_recordings(paths, reading)), "Reading", len(paths))
 
 
 def require_place_for_report(output: Path, options: argparse.Namespace) -> None:

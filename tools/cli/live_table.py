@@ -1,6 +1,5 @@
 """A running recogniser as the user sees it: a table, or a line for each change; a summary at the end."""
 
-import logging
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -141,14 +140,14 @@ class PlainLines(Sink):
         said = [*said_of(status), *addresses(status), *silent]
         for line in said:
             if line not in self._said:
-                say(line, level=logging.WARNING)
+                say(line, level="warning")
         self._said = said
         for note in status.notes:
             # A sender may make a new mistake each second: one line of each kind is enough.
             kind = note.partition(":")[0]
             if kind not in self._notes:
                 self._notes.add(kind)
-                say(note, level=logging.WARNING)
+                say(note, level="warning")
 
     def publish_state(self, notice: Notice) -> None:
         """Print the notice."""

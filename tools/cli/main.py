@@ -13,6 +13,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
+from kinespace.tools.cli.entry import check_interrupted
 from kinespace.tools.cli.values import meant
 
 #: Module, below `kinespace.tools`, and line of help of each program, by name.
@@ -69,16 +70,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             status: int = options.run(options) or 0
     except KeyboardInterrupt:
         return 1
-    except RuntimeError as error:
+    except RuntimeError:
         # Python 3.11 wraps an interrupt that comes while a class is made, as on import.
-        if isinstance(error.__cause__, KeyboardInterrupt):
-            return 1
+        check_interrupted()
         raise
     except BrokenPipeError:
         # The reader of our output has closed it: print nothing more, not even at the interpreter's end.
         sys.stderr.close()
         return 1
     except (OSError, ValueError, ImportError, MemoryError) as error:
+        # numpy calls an interrupt while it is loaded an ImportError.
+        check_interrupted()
         print(f"kinespace: {_one_line(error)}", file=sys.stderr)
         return 2
     return status

@@ -6,14 +6,13 @@ Every motion that was said once is also played to its half only, and must not be
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
-from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.arguments import add_shared, settings_of
 from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
@@ -33,9 +32,7 @@ _OF_CLASSES = "class {name} | segments {segments:.0f} | found {found:.0f} | fals
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the library's own motions")
-    parser.add_argument("--unknown", **several(Path, "TAKE"), help="recordings, or folders, without known motions")
-    harness.add_protocol(parser)
+    harness.add_asked(parser)
     parser.add_argument("--promises", action="store_true", help="compare the promises 1, 6, 60 and 600 an hour")
     add_shared(parser, "--json")
 

@@ -168,8 +168,7 @@ class _Played(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the library's own motions")
-    harness.add_protocol(parser)
+    harness.add_asked(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"
     parser.add_argument("--fault", **several(str, "FAULT"), choices=[*FAULTS], help=text)
     add_shared(parser, "--json")

@@ -21,7 +21,7 @@ from kinespace.tools.cli.console import print_json, print_scores, progress, requ
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.harness import Take, written
-from kinespace.tools.evaluation.stream_score import basis_of, rests_on, write_rows
+from kinespace.tools.evaluation.stream_score import basis_of, interval, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -134,13 +134,7 @@ def add_report(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--json")
 
 
-def report(
-    heard: Sequence[Heard],
-    options: argparse.Namespace,
-    title: str,
-    caption: str,
-    further: Mapping[str, object] | None = None,
-) -> None:
+def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, caption: str, **further: object) -> None:
     """Print the scores of all takes together, write the words; `further` is for JSON."""
     scores, basis = score_words(heard), basis_of([each.seconds for each in heard], [each.person for each in heard])
     basis["segments"] = sum(each.asked for each in heard)
@@ -149,12 +143,8 @@ def report(
         require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))
     if options.json:
-        print_json({**scores, "so_far": so_far, **(further or {}), **basis})
+        print_json({**scores, "so_far": so_far, **further, **basis})
         return
-    rows = [{"name": kind, **score, "interval": _written(score["intervals"]["f1"])} for kind, score in scores.items()]
+    rows = [{"name": kind, **score, "interval": interval(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
     print_scores(rows, COLUMNS, title=title, caption=caption)
-
-
-def _written(interval: tuple[float, float] | None) -> str:
-    return "-" if interval is None else "{:.1%} to {:.1%}".format(*interval)

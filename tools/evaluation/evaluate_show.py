@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> None:
     title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
     when = "delay: from a gesture's end to done, from its beginning to start"
     caption = f"{counted(options.shows, 'show')}; {harness.written(share)} of the time named; {when}"
-    report(heard, options, title, caption, {"named": share, "shows": options.shows})
+    report(heard, options, title, caption, named=share, shows=options.shows)
 
 
 def played(show: Show, settings: Settings) -> list[Recognition]:

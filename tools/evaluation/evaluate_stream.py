@@ -8,7 +8,6 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import add_shared, report_path, settings_of, several
+from kinespace.tools.cli.arguments import add_shared, report_path, settings_of
 from kinespace.tools.cli.console import print_json, progress, require_place_for_report
 from kinespace.tools.evaluation import harness, stream_score
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
@@ -30,9 +29,7 @@ _RESAMPLED = ("segments", "persons")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the library's own motions")
-    parser.add_argument("--unknown", **several(Path, "TAKE"), help="recordings, or folders, without known motions")
-    harness.add_protocol(parser)
+    harness.add_asked(parser)
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")

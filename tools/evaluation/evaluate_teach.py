@@ -7,7 +7,7 @@ same person and of others, through the live recogniser.
 import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -65,22 +65,6 @@ class Reply(NamedTuple):
         return sum(each != self.motion.class_name for each in self.classes)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Taught:
-    """One person's motions as one library, whose windows are computed once; each draw opens some of them.
-
-    Attributes
-    ----------
-    index
-        The windows of all motions that the person may teach.
-    takes
-        For each of the library's motions the name of the recording that it was cut from.
-    """
-
-    index: WindowIndex
-    takes: tuple[str, ...]
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the built-in library's motions")
@@ -126,15 +110,16 @@ def _replies(
     """Ask what each teacher's draws teach; give the replies by who asks, and by the number of examples."""
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
-        own, taught = by_person[teacher], taught_by(by_person[teacher])
+        own = by_person[teacher]
+        taught = taught_by([clip for _, clip in own])
         others = [clip for name, each in by_person.items() if name != teacher for _, clip in each]
         for draw in range(options.draws):
             for count in options.examples:
                 generator = np.random.default_rng([_SEED, place, draw, count])
-                examples, left = drawn(own, taught, count, generator)
+                examples, left = drawn(own, count, generator)
                 if examples:
-                    index = taught.index.of_some(examples)
-                    known = sorted({taught.index.library.motions[each].class_name for each in examples})
+                    index = taught.of_some(examples)
+                    known = sorted({own[each][1].class_name for each in examples})
                     for whose, clips in (("same", left), ("other", others)):
                         asked = _some(clips, known, _ASKED[whose], generator)
                         replies[whose, count] += [ask(clip, index, settings) for clip in asked]
@@ -161,28 +146,25 @@ def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, li
         for clip in take.motions():
             actor = clip.actor or options.person
             by_person[actor].append((take.clip.name, replace(clip.restricted_to(joints), actor=actor)))
-    return by_person
+    # As a library sorts its motions: they keep their order within a class.
+    return {person: sorted(own, key=lambda each: each[1].class_name) for person, own in by_person.items()}
 
 
-def taught_by(own: Sequence[Motion]) -> Taught:
+def taught_by(own: Sequence[Clip]) -> WindowIndex:
     """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
-    library = MotionLibrary.of_clips([clip for _, clip in own])
-    person = own[0][1].actor
+    library = MotionLibrary.of_clips(own)
+    person = own[0].actor
     builtin = MotionLibrary.builtin().restricted_to(library.skeleton.joints)
     strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
-    # A library's motions are sorted, but keep their order within a class and person.
-    names = [name for name, _ in sorted(own, key=lambda each: each[1].class_name)]
     teacher = teacher_of(library)
     if teacher is not library:
         teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
         ordered = tuple(each.as_of(teacher.skeleton) for each in library.motions)
         library = replace(library, skeleton=teacher.skeleton, motions=ordered)
-    return Taught(WindowIndex.of(library, teacher), tuple(names))
+    return WindowIndex.of(library, teacher)
 
 
-def drawn(
-    own: Sequence[Motion], taught: Taught, count: int, generator: np.random.Generator
-) -> tuple[list[int], list[Clip]]:
+def drawn(own: Sequence[Motion], count: int, generator: np.random.Generator) -> tuple[list[int], list[Clip]]:
     """Draw the examples of each class, and give the motions of the same person that are left to ask.
 
     Recordings come in a drawn order, and each class is taught by its first motions; motions from the same recording as
@@ -191,9 +173,7 @@ def drawn(
     Parameters
     ----------
     own
-        The person's motions.
-    taught
-        The same motions as a library.
+        The person's motions, in a library's order.
     count
         The number of examples of each class.
     generator
@@ -203,13 +183,13 @@ def drawn(
     -------
     Indices of the examples in the library, and the motions to ask; empty where no class has enough examples.
     """
-    takes = sorted({*taught.takes})
+    takes = sorted({take for take, _ in own})
     order = {takes[place]: rank for rank, place in enumerate(generator.permutation(len(takes)).tolist())}
     chosen = defaultdict[str, list[int]](list)
-    for place in sorted(range(len(taught.takes)), key=lambda each: order[taught.takes[each]]):
-        chosen[taught.index.library.motions[place].class_name].append(place)
+    for place in sorted(range(len(own)), key=lambda each: order[own[each][0]]):
+        chosen[own[place][1].class_name].append(place)
     examples = [place for each in chosen.values() if len(each) >= count for place in each[:count]]
-    used = {taught.takes[place] for place in examples}
+    used = {own[place][0] for place in examples}
     return examples, [clip for take, clip in own if take not in used] if examples else []
 
 
@@ -231,14 +211,14 @@ def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
     return Reply(motion, tuple(each.label for each in starts), delay, len(answers), named)
 
 
-def _strangers(asked: Sequence[Clip], taught: Taught, examples: Sequence[int], settings: Settings) -> list[Reply]:
+def _strangers(asked: Sequence[Clip], taught: WindowIndex, examples: Sequence[int], settings: Settings) -> list[Reply]:
     """Ask motions whose class was not taught: the others' examples alone are opened."""
-    motions = taught.index.library.motions
+    motions = taught.library.motions
     # What is done says nothing about names, and takes long to open.
     settings = replace(settings, false_alarms=0.0)
     opened = dict[str, WindowIndex]()
     for name in {clip.class_name for clip in asked}:
-        opened[name] = taught.index.of_some([each for each in examples if motions[each].class_name != name])
+        opened[name] = taught.of_some([each for each in examples if motions[each].class_name != name])
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
 
 

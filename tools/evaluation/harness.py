@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -225,12 +224,9 @@ def _with_labels(takes: Sequence[Take], names: Mapping[str, str]) -> list[Take]:
     for label in names:
         if label not in there:
             raise ValueError(f"--map: expected a label of the takes, {', '.join(sorted(there))}, got {label!r}")
-
-    def renamed_in(take: Take) -> Take:
-        contains = tuple(names.get(name, name) for name in take.contains)
-        return replace(take, segments=renamed(take.segments, names), contains=contains)
-
-    return [renamed_in(take) for take in takes]
+    contained = (tuple(names.get(name, name) for name in take.contains) for take in takes)
+    pairs = zip(takes, contained, strict=True)
+    return [replace(take, segments=renamed(take.segments, names), contains=each) for take, each in pairs]
 
 
 def distinct(names: Iterable[str]) -> list[str]:
@@ -306,50 +302,32 @@ def folds_of(
     """
     if protocol is Protocol.LIBRARY:
         return [Fold(library(), tuple(takes))]
-    made = partial(_library, either_side=either_side)
     labelled = [take for take in takes if take.is_known]
-    others = [take for take in takes if not take.is_known]
-    if protocol is Protocol.LEAVE_ONE_TAKE_OUT:
-        _require_two(len(labelled), "takes", protocol)
-        folds = [Fold(made([each for each in labelled if each is not take]), (take,)) for take in labelled]
-        return [*folds, Fold(made(labelled), tuple(others))] if others else folds
-    return _by_person(labelled, others, protocol, made)
-
-
-def _by_person(
-    labelled: Sequence[Take],
-    others: Sequence[Take],
-    protocol: Protocol,
-    made: Callable[[Sequence[Take]], MotionLibrary],
-) -> list[Fold]:
-    unnamed = [take.clip.name for take in labelled if not take.person]
-    if unnamed:
+    every = [*labelled, *(take for take in takes if not take.is_known)]
+    by_take = protocol is Protocol.LEAVE_ONE_TAKE_OUT
+    if unnamed := [] if by_take else [take.clip.name for take in labelled if not take.person]:
         raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
-    persons = sorted({take.person for take in labelled})
-    _require_two(len(persons), "persons", protocol)
+    whose = {id(take): str(place) if by_take else take.person for place, take in enumerate(every)}
+    named = [whose[id(take)] for take in labelled]
+    ones = [*dict.fromkeys(named if by_take else sorted(named))]
+    if len(ones) < 2:
+        what = "takes" if by_take else "persons"
+        raise ValueError(f"--protocol {protocol}: expected at least two labelled {what}, got {len(ones) or 'none'}")
     folds = []
-    for person in persons:
-        own = [take for take in labelled if take.person == person]
-        rest = [take for take in labelled if take.person != person]
-        if protocol is Protocol.ONE_PERSON:
-            asking = [*rest, *(take for take in others if take.person != person)]
-            folds.append(Fold(made(own), tuple(asking), person))
-        else:
-            folds.append(Fold(made(rest), (*own, *(take for take in others if take.person == person)), person))
-    strangers = [take for take in others if take.person not in persons]
-    if strangers and protocol is Protocol.LEAVE_ONE_PERSON_OUT:
-        folds.append(Fold(made(labelled), tuple(strangers)))
+    for one in ones:
+        own = [take for take in every if whose[id(take)] == one]
+        rest = [take for take in every if whose[id(take)] != one]
+        teaching, asking = (own, rest) if protocol is Protocol.ONE_PERSON else (rest, own)
+        folds.append(Fold(_library(teaching, either_side=either_side), tuple(asking), "" if by_take else one))
+    strangers = [take for take in every if whose[id(take)] not in ones]
+    if strangers and protocol is not Protocol.ONE_PERSON:
+        folds.append(Fold(_library(labelled, either_side=either_side), tuple(strangers)))
     return folds
 
 
 def _library(takes: Sequence[Take], *, either_side: bool) -> MotionLibrary:
-    motions = [motion for take in takes for motion in take.motions()]
+    motions = [motion for take in takes if take.is_known for motion in take.motions()]
     return MotionLibrary.of_clips([*motions, *map(mirrored, motions)] if either_side else motions)
-
-
-def _require_two(count: int, what: str, protocol: Protocol) -> None:
-    if count < 2:
-        raise ValueError(f"--protocol {protocol}: expected at least two labelled {what}, got {count or 'none'}")
 
 
 #: Seconds before a moment that must lie in a segment for the moment to count as inside it.
@@ -391,8 +369,11 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
 
-def add_protocol(parser: argparse.ArgumentParser) -> None:
-    """Add the options for tables of takes, and for the library and the recogniser that are asked."""
+def add_asked(parser: argparse.ArgumentParser) -> None:
+    """Add the options for takes of all kinds, and for the library and the recogniser that are asked."""
+    add_sources(parser, "the library's own motions")
+    text = "recordings, or folders, without known motions"
+    parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help=text)
     arguments.add_takes(parser)
     arguments.add_shared(parser, "--library", "--either-side")
     text = (

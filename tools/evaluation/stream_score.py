@@ -368,6 +368,8 @@ def _cell(value: object) -> object:
 
 
 _Item = TypeVar("_Item")
+#: Counts in a stretch, or in a take.
+_Counted = Callable[[_Item], float]
 _seconds = attrgetter("seconds")
 #: Seconds, units, and persons, by name.
 Basis = dict[str, float | None]
@@ -468,10 +470,7 @@ def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
 
 
 def _ratio(
-    units: Sequence[Sequence[_Item]],
-    counted: Callable[[_Item], float],
-    among: Callable[[_Item], float],
-    scale: float = 1,
+    units: Sequence[Sequence[_Item]], counted: _Counted[_Item], among: _Counted[_Item], scale: float = 1
 ) -> Ratio:
     above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
     return Ratio(above, below, scale, persons=(_persons(units),))

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -182,6 +183,30 @@ class ZmqFrameSender(zeromq.ZmqSender):
 
 
 FrameSender = OscFrameSender | ZmqFrameSender
+
+
+class FrameStream:
+    """Sends frames as they come, and before the first and every second the joints of their performer.
+
+    Parameters
+    ----------
+    sender
+        Where they go.
+    joints
+        Their joints.
+    """
+
+    def __init__(self, sender: FrameSender, joints: tuple[str, ...]) -> None:
+        self._sender, self._joints = sender, joints
+        self._announced: dict[str, float] = {}
+        self._numbers = count()
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame."""
+        if abs(frame.time - self._announced.get(frame.performer, -math.inf)) >= ANNOUNCE_EVERY:
+            self._announced[frame.performer] = frame.time
+            self._sender.announce(Announcement(frame.performer, self._joints))
+        self._sender.send(self._sender.encode(Cue(frame.time, frame, next(self._numbers))))
 
 
 class Pace:

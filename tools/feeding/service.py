@@ -20,6 +20,7 @@ import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Recognizer, Settings, osc, zeromq
+from kinespace.stream.inputs import Receiver
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.recognition import Answer
 from kinespace.stream.zeromq import Endpoint
@@ -37,8 +38,6 @@ _MAX_WAIT = 100
 
 #: Scores agree to the digits that every transport carries.
 _SAME_SCORE = 1e-5
-
-Receiver = osc.OscReceiver | zeromq.ZmqReceiver
 
 
 class Received(NamedTuple):
@@ -345,11 +344,9 @@ def background_service(
     with ExitStack() as opened:
         receiver = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0))) if transport == "osc" else None
         port = receiver.address[1] if receiver else 0
-        to_osc, to_zmq = (
-            (f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"),
-            (f"--zmq-in={ANY}", f"--zmq-out={ANY}"),
-        )
-        command = ["--plain", "--performers", f"{performers}", *(to_osc if receiver else to_zmq)]
+        command = ["--plain", "--performers", f"{performers}"]
+        command += [f"--zmq-in={ANY}", f"--zmq-out={ANY}"] if receiver is None else []
+        command += [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"] if receiver else []
         command += arguments_of(settings) if settings else []
         if library:
             file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"

@@ -16,7 +16,7 @@ import zmq
 
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli.values import host_and_port
+from kinespace.tools.cli.values import host_and_port, opening
 
 #: The messages that a page always needs, and the messages that only an open page needs.
 _TOPICS = (b"event/", b"done/", b"class/", b"classes/", b"status/", b"teach/")
@@ -169,6 +169,10 @@ class PagePlan(Plan):
         from kinespace.tools.page.server import Gate, PageServer  # noqa: PLC0415 - this process alone needs it
 
         to = self.control and Endpoint.parse(self.control, bind=False)
+        if to:
+            # What cannot be asked is said now, not when somebody teaches.
+            with opening("--control"):
+                to.open(zmq.REQ, keyring=keyring).close()
         control = partial(ask_control, to, keyring) if to else None
         return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]))
 

@@ -51,12 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Build a library from recordings and libraries, save it, and print its contents."""
     sources, output, labels = options.sources, options.output, options.labels
-    files = [
-        each
-        for each in sources
-        if each == arguments.BUILT_IN or (each.suffix == ".npz" and not recordings.is_recording(each))
-    ]
-    places = [source for source in sources if source not in files]
+    places = [each for each in sources if each.suffix != ".npz" or recordings.is_recording(each)]
+    places = [each for each in places if each != arguments.BUILT_IN]
+    files = [each for each in sources if each not in places]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
     require_place_for(output, overwrite=options.overwrite)

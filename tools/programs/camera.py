@@ -13,20 +13,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.signature.landmark_body import JOINTS
-from kinespace.stream import Announcement, Frame
+from kinespace.stream import Frame
 from kinespace.stream.service.background import Child, leave_signals_to_parent
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import MIN_JOINTS, Bodies, SeenBody, landmark_body, require_extra, upright
+from kinespace.tools.camera.bodies import Bodies, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.console import say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.values import host_and_port, opening
-from kinespace.tools.feeding.feed import ANNOUNCE_EVERY, Cue, FrameSender, OscFrameSender, ZmqFrameSender
+from kinespace.tools.feeding.feed import FrameSender, FrameStream, OscFrameSender, ZmqFrameSender
 
 if TYPE_CHECKING:
-    from kinespace.tools.camera.film import Film, Picture
+    from kinespace.tools.camera.film import Film
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -114,45 +115,27 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
         sender = opened.enter_context(closing(_sender(plan)))
         film = opened.enter_context(closing(Film(plan.source, wants_end, paced=not plan.fast)))
         started(f"{plan.source} to {sender}; Ctrl-C ends")
-        counts = _watched(film, bodies, _Out(sender))
+        counts = _watched(film, bodies, FrameStream(sender, JOINTS))
     counts.failed = sender.failed
     if not counts.found and counts.pictures and not film.is_live and not wants_end():
         raise ValueError(f"{plan.source}: no body in any of {counts.pictures} pictures")
     return counts
 
 
-def _watched(film: "Film", bodies: Bodies, out: "_Out") -> Watched:
-    counts, begun = Watched(), time.perf_counter()
+def _watched(film: "Film", bodies: Bodies, out: FrameStream) -> Watched:
+    counts, begun, joints = Watched(), time.perf_counter(), landmark_body()
     for picture in film:
         seen = bodies.seen(picture.pixels, picture.time)
         counts.pictures += 1
         counts.found += bool(seen)
-        counts.frames += sum(out.send(each, picture) for each in seen)
+        for name, landmarks in seen:
+            positions = joints.of(upright(landmarks, picture.pixels))
+            # Of others too little is seen.
+            if np.isfinite(positions).all(axis=1).sum() >= MIN_JOINTS:
+                out.send(Frame(name, picture.time, positions.astype(np.float32)))
+                counts.frames += 1
     counts.lost, counts.seconds = film.lost, time.perf_counter() - begun
     return counts
-
-
-class _Out:
-    """Sends bodies as frames, and announces their joints."""
-
-    def __init__(self, sender: FrameSender) -> None:
-        self._joints = landmark_body()
-        self._sender = sender
-        self._announced: dict[str, float] = {}
-        self._count = 0
-
-    def send(self, seen: SeenBody, picture: "Picture") -> bool:
-        """Send one body; False where too little of it is seen."""
-        positions = self._joints.of(upright(seen.landmarks, picture.pixels))
-        if np.isfinite(positions).all(axis=1).sum() < MIN_JOINTS:
-            return False
-        if picture.time >= self._announced.get(seen.name, 0.0) + ANNOUNCE_EVERY:
-            self._announced[seen.name] = picture.time
-            self._sender.announce(Announcement(seen.name, JOINTS))
-        frame = Frame(seen.name, picture.time, positions.astype(np.float32))
-        self._sender.send(self._sender.encode(Cue(picture.time, frame, self._count)))
-        self._count += 1
-        return True
 
 
 def _sender(plan: CameraPlan) -> FrameSender:

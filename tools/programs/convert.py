@@ -10,7 +10,6 @@ import tempfile
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
@@ -31,14 +30,8 @@ from kinespace.tools.cli.values import printable
 _Posture = tuple[float, "NDArray[np.floating]"]
 
 
-@dataclass(slots=True)
-class _Motion:
-    """Frames of one performer, one after the other, and the number of those that were seen."""
-
-    skeleton: Skeleton
-    performer: str
-    frames: int
-    postures: Iterator[_Posture]
+#: The body and the name of a performer, the number of frames that were seen, and the frames, one after the other.
+_Motion = tuple[Skeleton, str, int, Iterator[_Posture]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,9 +81,9 @@ def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
         raise ValueError(f"--feed: expected a {ENDING} file with it, got {source}")
     else:
         motion = _of_file(source, reading_of(options), options.performer)
-    motion.postures = progress(motion.postures, "Writing", motion.frames)
-    frames, joints = write(output, motion), len(motion.skeleton.joints)
-    refused = motion.frames - frames
+    skeleton, performer, seen, postures = motion
+    frames, joints = write(output, skeleton, performer, progress(postures, "Writing", seen)), len(skeleton.joints)
+    refused = seen - frames
     left_out = f", {refused} frames of other joints left out" if refused else ""
     say(f"{output}: {frames} frames of {joints} joints{left_out}")
     if damage:
@@ -100,7 +93,7 @@ def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
 def _of_file(source: Path, reading: Reading, performer: str | None) -> _Motion:
     clips = {clip.actor: clip for clip in RecordingReader(reading).clips(find_recordings([source])[0])}
     clip = NameNotes()(clips[_chosen(source, [*clips], performer if len(clips) > 1 else None)])
-    return _Motion(clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True))
+    return clip.skeleton, clip.actor, clip.frames, zip(clip.times.tolist(), clip.positions, strict=True)
 
 
 def _chosen(path: Path, performing: Sequence[str], performer: str | None) -> str:
@@ -122,30 +115,30 @@ def _of_raw(recording: RawFile, performer: str | None, preset: Preset | None) ->
     first = next(postures, None)
     if first is None:
         raise ValueError(f"{recording.path}: no frame of {chosen!r} has the {len(skeleton.joints)} announced joints")
-    return _Motion(skeleton, chosen, seen[chosen].frames, chain([first], postures))
+    return skeleton, chosen, seen[chosen].frames, chain([first], postures)
 
 
-def _write_csv(output: Path, motion: _Motion) -> int:
+def _write_csv(output: Path, skeleton: Skeleton, _: str, postures: Iterator[_Posture]) -> int:
     frames = 0
     with replacing(output) as file:
         rows = csv.writer(codecs.getwriter("utf-8")(file))
-        rows.writerow(["time", *(csv_text(f"{joint}_{axis}") for joint in motion.skeleton.joints for axis in "xyz")])
-        for moment, positions in motion.postures:
+        rows.writerow(["time", *(csv_text(f"{joint}_{axis}") for joint in skeleton.joints for axis in "xyz")])
+        for moment, positions in postures:
             # Nine digits give every 32-bit number back exactly.
             rows.writerow([repr(float(moment)), *(f"{number:.9g}" for number in positions.ravel().tolist())])
             frames += 1
     return frames
 
 
-def _write_npz(output: Path, motion: _Motion) -> int:
+def _write_npz(output: Path, skeleton: Skeleton, performer: str, postures: Iterator[_Posture]) -> int:
     """Write the arrays piece by piece: positions go to a scratch file first, and from there into the zip."""
     times = array("d")
     with tempfile.TemporaryFile(dir=output.absolute().parent) as scratch:
-        for moment, positions in motion.postures:
+        for moment, positions in postures:
             times.append(moment)
             scratch.write(np.ascontiguousarray(positions, dtype="<f8").tobytes())
         scratch.flush()
-        shape = (len(times), len(motion.skeleton.joints), 3)
+        shape = (len(times), len(skeleton.joints), 3)
         positions = np.memmap(scratch, dtype="<f8", mode="r", shape=shape)
         with replacing(output) as file:
             np.savez(
@@ -153,8 +146,8 @@ def _write_npz(output: Path, motion: _Motion) -> int:
                 allow_pickle=False,
                 time=np.array(times),
                 positions=positions,
-                joints=np.array(motion.skeleton.joints),
-                parents=np.array(motion.skeleton.parents, dtype=np.int64),
-                performer=np.array(motion.performer),
+                joints=np.array(skeleton.joints),
+                parents=np.array(skeleton.parents, dtype=np.int64),
+                performer=np.array(performer),
             )
     return len(times)

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Source, ZmqDecoder
-from kinespace.stream.inputs.commands import CommandReader, RequestSource
+from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Receiver, Source, ZmqDecoder
+from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, BodySink, Layout, LayoutSink, ReplySink, Sink, WrittenLayout, ZmqSink
@@ -106,16 +106,11 @@ def _lacking(addresses: Sequence[str]) -> list[str]:
     return [f"{joint} waits for {axes}" for joint, axes in waits.items() if axes]
 
 
-#: The addresses of all of a machine's networks, and of the machine itself.
-_LOOPBACK = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
 #: Where the page's process finds its recogniser.
 _HERE = zeromq.Endpoint("tcp://127.0.0.1:*", bind=True)
 #: What a person hears who would teach where nobody may.
 _NO_LESSONS = "teaching is off: start kinespace live with --teach FILE"
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
-
-_AnyReceiver = osc.OscReceiver | zeromq.ZmqReceiver
-
 
 _End = TypeVar("_End", bound=Any)
 
@@ -150,7 +145,7 @@ class Ends(ExitStack):
         self._browsers = list[zeromq.ZmqReceiver]()
         #: The networks that may connect, and these with this machine; none where all may.
         self._networks: Networks = [ipaddress.ip_network(each, strict=False) for each in options.allow_from]
-        self._near: Networks = [*self._networks, *_LOOPBACK] if self._networks else ()
+        self._near: Networks = [*self._networks, *THIS_MACHINE] if self._networks else ()
         self._keyring = self.enter_context(Keyring(options.keys)) if options.keys else None
 
     def _kept(self, end: _End) -> _End:
@@ -182,7 +177,7 @@ class Ends(ExitStack):
 
     def open(self, preset: Preset | None = None) -> None:
         """Open the addresses and the recording; frames of browsers are our own, whatever the feed."""
-        options, keyring, receivers = self._options, self._keyring, list[_AnyReceiver]()
+        options, keyring, receivers = self._options, self._keyring, list[Receiver]()
         networks = self._near if options.camera or options.lsl_in else self._networks
         if options.osc_in:
             with opening("--osc-in"):
@@ -207,10 +202,12 @@ class Ends(ExitStack):
             # Last, because it may take another file's place.
             options.record.unlink(missing_ok=True)
             presets = {preset.name: preset.text} if preset else {}
-            self.recording = self._kept(RawWriter(options.record, [source_name(*each) for each in read], presets))
+            self.recording = self._kept(
+                RawWriter(options.record, [source_name(each.place, fed) for each, fed in read], presets)
+            )
         for index, (receiver, fed) in enumerate(read):
-            recorder = Recorder(self.recording, index) if self.recording else None
-            source = self._kept(_source(receiver, recorder, fed, options.sender, self._admission))
+            source = self._kept(_source(receiver, fed, options.sender, self._admission))
+            source.recorder = Recorder(self.recording, index) if self.recording else None
             source.place = "" if receiver in self._browsers else source.place
             self.sources.append(source)
 
@@ -255,20 +252,17 @@ def _own_port(sources: Sequence[Source]) -> tuple[str, int]:
     return "127.0.0.1" if host in _ANY_HOST else host, port
 
 
-def _source(
-    receiver: _AnyReceiver, recorder: Recorder | None, preset: Preset | None, sender: str, admission: Admission
-) -> Source:
+def _source(receiver: Receiver, preset: Preset | None, sender: str, admission: Admission) -> Source:
     if preset:
-        source: Source = FeedSource(receiver, preset, sender=sender, recorder=recorder, admission=admission)
+        source: Source = FeedSource(receiver, preset, admission, sender=sender)
     else:
-        decoder = OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder()
-        source = Source(receiver, decoder, recorder, admission)
+        source = Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), admission)
     if isinstance(receiver, osc.OscReceiver):
         source.unread = Unread(receiver.address, preset)
     return source
 
 
-def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admission) -> Sink:
+def _layout_sink(text: str, receivers: Sequence[Receiver], admission: Admission) -> Sink:
     """Open NAME or FILE.toml, perhaps with =HOST:PORT or =sender:PORT."""
     name, _, target = text.partition("=")
     if name == LSL and not target:
@@ -289,7 +283,7 @@ def _layout_sink(text: str, receivers: Sequence[_AnyReceiver], admission: Admiss
     return ReplySink(layout, by_osc[0], port, admission)
 
 
-def _require_no_loop(receivers: Sequence[_AnyReceiver], sink: Sink) -> None:
+def _require_no_loop(receivers: Sequence[Receiver], sink: Sink) -> None:
     """Refuse answers to a port on which frames come in: they would be taken for frames."""
     for receiver in receivers:
         if isinstance(receiver, osc.OscReceiver) and _reaches(sink, *receiver.address):

@@ -3,9 +3,6 @@
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-
-from rich.table import Table
 
 from kinespace.stream import Announcement, osc
 from kinespace.tools.cli.console import console, note, print_json, say, table_of
@@ -22,48 +19,6 @@ _SOON = 30
 _NOTICED = 0.05
 
 
-@dataclass(slots=True)
-class Score:
-    """The share of right answers while each class was performed.
-
-    Attributes
-    ----------
-    answers, right
-        By class.
-    unlabelled
-        Answers at moments without a label.
-    """
-
-    answers: Counter[str] = field(default_factory=Counter)
-    right: Counter[str] = field(default_factory=Counter)
-    unlabelled: int = 0
-
-    def add(self, performed: str, label: str) -> None:
-        """Count one answer."""
-        if not performed:
-            self.unlabelled += 1
-            return
-        self.answers[performed] += 1
-        self.right[performed] += performed == label
-
-    @property
-    def count(self) -> int:
-        """The number of answers, at labelled moments and others."""
-        return self.answers.total() + self.unlabelled
-
-    def share(self) -> float | None:
-        """Give the share of answers that was right; None without any."""
-        return self.right.total() / self.answers.total() if self.answers else None
-
-    def table(self) -> Table:
-        """Draw the shares by class, and of all answers."""
-        rows = [(name, f"{count}", f"{self.right[name] / count:.0%}") for name, count in sorted(self.answers.items())]
-        rows.append(("all", f"{self.answers.total()}", "" if self.share() is None else f"{self.share():.0%}"))
-        if self.unlabelled:
-            rows.append(("unlabelled", f"{self.unlabelled}", ""))
-        return table_of("Answers while each class was performed", ("performed", "answers", "right"), rows)
-
-
 class Exchange:
     """One feed with its answers."""
 
@@ -73,7 +28,9 @@ class Exchange:
         self._announcement = announcement
         # OSC answers name the performer in their address, which cannot hold every character.
         self._names = {announcement.performer, osc.address_part(announcement.performer)}
-        self._score = Score()
+        #: The answers while each class was performed, and those of them that were right; none has a class at moments
+        #: without a label.
+        self._answers, self._right = Counter[str](), Counter[str]()
         self._sent = self._received = 0
         self._stood_still = 0.0
         self._performed = ""
@@ -112,18 +69,19 @@ class Exchange:
     def _take_in(self, received: Sequence[Received]) -> bool:
         """Count the answers that came; say whether one about our performer was among them."""
         self._received += len(received)
-        before = self._score.count
+        before = self._answers.total()
         for each in received:
             self._classes = classes_in(each.packet) or self._classes
             answer = answer_in(each.packet)
             if answer and answer.performer in self._names:
-                self._score.add(self._performed, answer.label)
-        return self._score.count > before
+                self._answers[self._performed] += 1
+                self._right[self._performed] += self._performed == answer.label
+        return self._answers.total() > before
 
     @property
     def answered(self) -> bool:
         """Whether any answer came."""
-        return bool(self._score.count)
+        return bool(self._answers)
 
     @property
     def reached_nobody(self) -> bool:
@@ -132,7 +90,7 @@ class Exchange:
 
     def _lacking(self) -> list[str]:
         """List the classes performed that the library lacks; none before the recogniser has listed its own."""
-        return sorted({*self._score.answers} - {*self._classes}) if self._classes else []
+        return sorted({*self._answers} - {"", *self._classes}) if self._classes else []
 
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
@@ -145,28 +103,33 @@ class Exchange:
 
     def report(self, *, as_json: bool) -> None:
         """Print the counts and, when listening, the share of right answers."""
-        score = self._score
+        by_class = {name: count for name, count in sorted(self._answers.items()) if name}
+        every, unlabelled, right = sum(by_class.values()), self._answers[""], self._right.total()
         if as_json:
-            share = score.share()
             figures = {
                 "sent": self._sent,
                 "failed": self._sender.failed,
                 "unheard": self._sender.unheard,
-                "answers": score.answers.total(),
-                "unlabelled": score.unlabelled,
+                "answers": every,
+                "unlabelled": unlabelled,
                 "lacking": self._lacking(),
+                "right": round(right / every, 4) if every else None,
             }
-            print_json({**figures, "right": None if share is None else round(share, 4)})
+            print_json(figures)
             return
         console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
         if self._stood_still > _NOTICED:
             console.print(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
         if self._sender.unheard:
             say(lost_at(self._place, self._sender.unheard))
-        if self._listener and not score.count:
+        if self._listener and not self._answers:
             say(self._silence())
         elif self._listener:
-            console.print(score.table())
+            rows = [(name, f"{count}", f"{self._right[name] / count:.0%}") for name, count in by_class.items()]
+            rows.append(("all", f"{every}", f"{right / every:.0%}" if every else ""))
+            rows += [("unlabelled", f"{unlabelled}", "")] if unlabelled else []
+            title = "Answers while each class was performed"
+            console.print(table_of(title, ("performed", "answers", "right"), rows))
             if lacking := self._lacking():
-                share = sum(score.answers[name] for name in lacking) / score.answers.total()
+                share = sum(by_class[name] for name in lacking) / every
                 say(f"the library lacks {', '.join(lacking)}: {share:.0%} of the labelled time, and no answer is right")

@@ -13,7 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, find_recordings, opened
+from kinespace.library import (
+    Clip,
+    MotionLibrary,
+    Reading,
+    compiled,
+    distance_rows,
+    find_recordings,
+    opened,
+    read_recordings,
+)
 from kinespace.library.recordings import instead_of_recording, is_recording, labelled
 from kinespace.library.windows.courses import without_course
 from kinespace.stream import Frame
@@ -22,7 +31,7 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import print_json, print_scores, progress, read_with_notes, say
+from kinespace.tools.cli.console import NameNotes, print_json, print_scores, progress, say
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = "seconds {seconds:.1f} | Hz {frame_rate:g}"
@@ -158,7 +167,8 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
     names = [str(path.relative_to(place)) if place.is_dir() else path.name for path in paths]
     motions, listed = list[dict[str, Any]](), list[dict[str, Any]]()
     joints = dict[str, None]()
-    for name, path, read in zip(names, paths, read_with_notes(paths, reading), strict=True):
+    every = progress(map(NameNotes(), read_recordings(paths, reading)), "Reading", len(paths))
+    for name, path, read in zip(names, paths, every, strict=True):
         clip = labelled(read, path, reading.actor_in)
         joints |= dict.fromkeys(clip.skeleton.joints)
         motions.append(_row(clip, name))

@@ -8,6 +8,7 @@ import argparse
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from itertools import count, cycle, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -105,7 +106,10 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     """
     library = MotionLibrary.builtin()
     warm = int(_WARM_UP * rate_hz)
-    cues = _cues(without_pause(library.motions[::EVERY], rate_hz, seconds), rate_hz, seconds)
+    positions = without_pause(library.motions[::EVERY], rate_hz, seconds)
+    moments = [k / rate_hz for k in range(round(seconds * rate_hz))]
+    frames = map(Frame, repeat("latency"), (1.0 + each for each in moments), cycle(positions))
+    cues = [*map(Cue, moments, frames, count())]
     expected = service.expected_answers(cues, library, settings)
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")
@@ -135,13 +139,6 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
         seconds=np.array([arrival - sent[found.cue] for found, arrival in pairs if found and found.cue >= warm]),
         echo_seconds=np.array([each.arrival - at for each, at in zip(echoes, echo_sent, strict=False)][warm:]),
     )
-
-
-def _cues(positions: NDArray[np.float32], rate_hz: float, seconds: float) -> list[Cue]:
-    return [
-        Cue(k / rate_hz, Frame("latency", 1.0 + k / rate_hz, positions[k % len(positions)]), k)
-        for k in range(round(seconds * rate_hz))
-    ]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

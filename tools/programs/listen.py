@@ -91,7 +91,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
     if guess is None:
         if any(kind.address in OURS for kind in survey.kinds.values()):
-            return [*lines, *survey.findings(builtin_preset(NATIVE)).refusals]
+            return [*lines, *survey.findings(builtin_preset(NATIVE))[-1]]
         lines.append("no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above")
         return lines
     lines += _lacking(survey, guess)

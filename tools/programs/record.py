@@ -14,7 +14,7 @@ import zmq
 from rich.status import Status
 
 from kinespace.stream.inputs import Admission, Source
-from kinespace.stream.inputs.kinerec import RawWriter, source_name
+from kinespace.stream.inputs.kinerec import RawWriter
 from kinespace.stream.status import InputCounts
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.console import progress_console, require_place_for, say
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> None:
         sources, writer = ends.sources, ends.recording
         assert writer  # noqa: S101 - for mypy
         stop_on_signals(stopped.set)
-        names = ", ".join(source_name(source.receiver) for source in sources)
+        names = ", ".join(source.receiver.place for source in sources)
         say(f"recording {names} to {output}; Ctrl-C ends")
         _record(sources, writer, stopped, options.seconds, shown)
         counts = sum((source.counts for source in sources), InputCounts())

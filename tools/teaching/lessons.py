@@ -43,8 +43,6 @@ class Lessons(Sink):
         Opens rosters.
     file
         Saves the roster after every change.
-    clock
-        Seconds.
 
     Attributes
     ----------
@@ -60,16 +58,8 @@ class Lessons(Sink):
         The sinks for notices, for the classes when they change, and for the ends of motions whose class is gone.
     """
 
-    def __init__(
-        self,
-        performers: Recognising,
-        teacher: Teacher,
-        windows: TaughtWindows,
-        file: RosterFile,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.performers, self._teacher, self._clock = performers, teacher, clock
+    def __init__(self, performers: Recognising, teacher: Teacher, windows: TaughtWindows, file: RosterFile) -> None:
+        self.performers, self._teacher, self._clock = performers, teacher, time.monotonic
         self._places = ClassPlaces(windows.base_classes)
         self.classes: Sequence[str] = self._places.of(teacher.roster)
         self.answers = bool(windows.base_classes or teacher.roster.examples)

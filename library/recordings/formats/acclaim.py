@@ -8,10 +8,11 @@ are applied; the root's `order` and `axis` do the same.
 
 import math
 from array import array
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,101 +100,6 @@ class _Line(Line):
         return channels
 
 
-@dataclass(slots=True)
-class _AsfReader:
-    """Collects the sections of one ASF while its lines go by."""
-
-    path: Path
-    length_unit: float = 1.0
-    angle: str = "deg"
-    root: dict[str, _Line] = field(default_factory=dict)
-    bones: dict[str, dict[str, _Line]] = field(default_factory=dict)
-    parents: dict[str, str] = field(default_factory=dict)
-
-    def read(self) -> AcclaimSkeleton:
-        section, entry = "", dict[str, _Line]()
-        for number, words in _lines(self.path, memory.MAX_WITHOUT_MOTION):
-            word, line = words[0].lower(), _Line(self.path, number, words)
-            if word.startswith(":"):
-                section = word
-            elif section == ":units":
-                self._read_unit(word, line)
-            elif section == ":root":
-                self.root[word] = line
-            elif section == ":bonedata":
-                entry = self._read_bonedata(word, line, entry)
-            elif section == ":hierarchy" and word not in ("begin", "end"):
-                self._read_children(line)
-        return self._finish()
-
-    def _read_unit(self, word: str, line: _Line) -> None:
-        if word == "length":
-            self.length_unit = positive_in(line.words[1:2], self.path, line.number, "unit of length")
-        elif word == "angle":
-            self.angle = line.words[-1].lower()
-            if self.angle not in ("deg", "rad"):
-                line.fail(f"expected angle deg or rad, got {self.angle!r}")
-
-    def _read_bonedata(self, word: str, line: _Line, entry: dict[str, _Line]) -> dict[str, _Line]:
-        if word == "begin":
-            return {}
-        if word == "name":
-            name = line.words[-1]
-            if name in self.bones or name == "root":
-                line.fail(f"bone {name!r} is described twice")
-            self.bones[name] = entry
-        entry[word] = line
-        return entry
-
-    def _read_children(self, line: _Line) -> None:
-        parent, *children = line.words
-        if parent != "root" and parent not in self.parents:
-            line.fail(f"bone {parent!r} has children before it has a parent")
-        for child in children:
-            if child not in self.bones:
-                line.fail(f"bone {child!r} stands in the hierarchy but not in :bonedata")
-            if child in self.parents:
-                line.fail(f"bone {child!r} has two parents")
-            self.parents[child] = parent
-
-    def _finish(self) -> AcclaimSkeleton:
-        orphans = [name for name in self.bones if name not in self.parents]
-        if not self.bones or orphans:
-            what = f"bones without a parent: {', '.join(orphans)}" if orphans else "no :bonedata in it"
-            raise RecordingError(f"{self.path}: not a usable ASF skeleton, {what}")
-        metres = METRES_PER_INCH / self.length_unit
-        names = few(["root", *self.parents])
-        bones = [self._finish_root(metres), *(self._finish_bone(name, metres) for name in self.parents)]
-        places = {name: place for place, name in enumerate(names)}
-        parents = (-1, *(places[parent] for parent in self.parents.values()))
-        return AcclaimSkeleton(Skeleton(names, parents), tuple(bones), metres, self.angle)
-
-    def _finish_root(self, metres: float) -> Bone:
-        for word in ("order", "axis"):
-            if word not in self.root:
-                raise RecordingError(f"{self.path}: no {word!r} in :root")
-        channels = self.root["order"].channels(("tx", "ty", "tz", "rx", "ry", "rz"))
-        order = self.root["axis"].order(-1)
-        position, orientation = (
-            self.root[word].floats(3) if word in self.root else [0.0] * 3 for word in ("position", "orientation")
-        )
-        return Bone("root", np.array(position) * metres, self._axis_frame(order, orientation), order, channels)
-
-    def _finish_bone(self, name: str, metres: float) -> Bone:
-        entry = self.bones[name]
-        for word in ("direction", "length", "axis"):
-            if word not in entry:
-                entry["name"].fail(f"bone {name!r} has no {word}")
-        offset = np.array(entry["direction"].floats(3)) * entry["length"].floats(1)[0] * metres
-        angles = entry["axis"].floats(3)
-        order = entry["axis"].order(4, usual="XYZ")
-        channels = entry["dof"].channels(("rx", "ry", "rz")) if "dof" in entry else ()
-        return Bone(name, offset, self._axis_frame(order, angles), order, channels)
-
-    def _axis_frame(self, order: str, angles: list[float]) -> NDArray[np.float64]:
-        return turns(order, [*np.array(angles) * (math.radians(1) if self.angle == "deg" else 1)])
-
-
 def read_asf(path: Path) -> AcclaimSkeleton:
     """Read an ASF skeleton.
 
@@ -204,19 +110,87 @@ def read_asf(path: Path) -> AcclaimSkeleton:
     OSError
         The file cannot be opened.
     """
-    return _AsfReader(path).read()
+    section, entry, heads = "", dict[str, _Line](), defaultdict[str, dict[str, _Line]](dict)
+    bones, parents = dict[str, dict[str, _Line]](), dict[str, str]()
+    for number, words in _lines(path, memory.MAX_WITHOUT_MOTION):
+        word, line = words[0].lower(), _Line(path, number, words)
+        if word.startswith(":"):
+            section = word
+        elif section == ":bonedata":
+            entry = {} if word == "begin" else entry
+            if word == "name":
+                if words[-1] in (*bones, "root"):
+                    line.fail(f"bone {words[-1]!r} is described twice")
+                bones[words[-1]] = entry
+            entry[word] = line
+        elif section != ":hierarchy":
+            heads[section][word] = line
+        elif word not in ("begin", "end"):
+            _adopt(line, bones, parents)
+    orphans = [name for name in bones if name not in parents]
+    if not bones or orphans:
+        what = f"bones without a parent: {', '.join(orphans)}" if orphans else "no :bonedata in it"
+        raise RecordingError(f"{path}: not a usable ASF skeleton, {what}")
+    if lacking := [word for word in ("order", "axis") if word not in heads[":root"]]:
+        raise RecordingError(f"{path}: no {lacking[0]!r} in :root")
+    metres, angle = _units_in(heads[":units"])
+    names = few(["root", *parents])
+    found = [_root(heads[":root"], metres, angle), *(_bone(name, bones[name], metres, angle) for name in parents)]
+    places = {name: place for place, name in enumerate(names)}
+    skeleton = Skeleton(names, (-1, *(places[parent] for parent in parents.values())))
+    return AcclaimSkeleton(skeleton, tuple(found), metres, angle)
 
 
-class _Motion(NamedTuple):
-    """The numbers of an AMC: one row of channels for each frame, in metres and radians, and the rate it names."""
+def _adopt(line: _Line, bones: Collection[str], parents: dict[str, str]) -> None:
+    """Read a bone's children in the hierarchy."""
+    parent, *children = line.words
+    if parent != "root" and parent not in parents:
+        line.fail(f"bone {parent!r} has children before it has a parent")
+    for child in children:
+        if child not in bones:
+            line.fail(f"bone {child!r} stands in the hierarchy but not in :bonedata")
+        if child in parents:
+            line.fail(f"bone {child!r} has two parents")
+        parents[child] = parent
 
-    channels: NDArray[np.float64]
-    frame_numbers: NDArray[np.int64]
-    frame_rate: float | None
+
+def _units_in(units: Mapping[str, _Line]) -> tuple[float, str]:
+    """Give the metres of the unit of length, and the unit of angles."""
+    length, angle = units.get("length"), units.get("angle")
+    inches = positive_in(length.words[1:2], length.path, length.number, "unit of length") if length else 1.0
+    unit = angle.words[-1].lower() if angle else "deg"
+    if angle and unit not in ("deg", "rad"):
+        angle.fail(f"expected angle deg or rad, got {unit!r}")
+    return METRES_PER_INCH / inches, unit
 
 
-def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
-    """Read the frames of an AMC, each with its bones in any order."""
+def _root(lines: Mapping[str, _Line], metres: float, angle: str) -> Bone:
+    channels, order = lines["order"].channels(("tx", "ty", "tz", "rx", "ry", "rz")), lines["axis"].order(-1)
+    position, turn = (lines[word].floats(3) if word in lines else [0.0] * 3 for word in ("position", "orientation"))
+    return Bone("root", np.array(position) * metres, _frame(order, turn, angle), order, channels)
+
+
+def _bone(name: str, lines: Mapping[str, _Line], metres: float, angle: str) -> Bone:
+    for word in ("direction", "length", "axis"):
+        if word not in lines:
+            lines["name"].fail(f"bone {name!r} has no {word}")
+    offset = np.array(lines["direction"].floats(3)) * lines["length"].floats(1)[0] * metres
+    turn, order = lines["axis"].floats(3), lines["axis"].order(4, usual="XYZ")
+    channels = lines["dof"].channels(("rx", "ry", "rz")) if "dof" in lines else ()
+    return Bone(name, offset, _frame(order, turn, angle), order, channels)
+
+
+def _frame(order: str, angles: list[float], unit: str) -> NDArray[np.float64]:
+    return turns(order, [*np.array(angles) * (math.radians(1) if unit == "deg" else 1)])
+
+
+def _read_amc(path: Path, body: AcclaimSkeleton) -> tuple[NDArray[np.float64], NDArray[np.int64], float | None]:
+    """Read the frames of an AMC, each with its bones in any order.
+
+    Returns
+    -------
+    A row of channels for each frame, in metres and radians; the numbers of the frames; and the rate it names.
+    """
     places, frame = _channel_places(body), [0.0] * len(body.channels)
     numbers, values, unseen = array("q"), array("d"), set[str]()
     angle, rate, line = body.angle, None, 0
@@ -229,7 +203,8 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
             unseen.remove(word)
             if not unseen:
                 values.extend(frame)
-        elif len(words) == 1 and _is_frame_number(word):
+        # Not isdigit, which accepts a superscript two; 18 digits always fit into an int64.
+        elif len(words) == 1 and word.isdecimal() and len(word) <= 18:
             if unseen:
                 refuse(path, line, f"the frame before has no {', '.join(sorted(unseen))}")
             numbers.append(int(word))
@@ -247,14 +222,7 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> _Motion:
     channels = np.frombuffer(values, dtype=np.float64).reshape(-1, len(frame))
     frames = np.frombuffer(numbers, dtype=np.int64)
     _check(path, frames)
-    return _Motion(
-        channels * [body.metres_per_unit if kind[0] == "t" else radians for kind in body.channels], frames, rate
-    )
-
-
-def _is_frame_number(word: str) -> bool:
-    # Not isdigit, which accepts a superscript two; 18 digits always fit into an int64.
-    return word.isdecimal() and len(word) <= 18
+    return channels * [body.metres_per_unit if kind[0] == "t" else radians for kind in body.channels], frames, rate
 
 
 def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
@@ -321,14 +289,11 @@ def find_asf(amc: Path) -> Path:
     named = hdm05.read_clip_name(amc)
     stems = [f"HDM_{named.actor}"] if named else []
     stems += [amc.stem, amc.stem.split("_")[0]]
-    for folder in (amc.parent, amc.parent.parent):
-        for stem in stems:
-            for ending in (".asf", ".ASF"):
-                if (folder / f"{stem}{ending}").is_file():
-                    return folder / f"{stem}{ending}"
-    raise RecordingError(
-        f"{amc}: no skeleton {' or '.join(f'{stem}.asf' for stem in stems)} in its folder or one folder up"
-    )
+    for folder, stem, ending in product((amc.parent, amc.parent.parent), stems, (".asf", ".ASF")):
+        if (found := folder / f"{stem}{ending}").is_file():
+            return found
+    names = " or ".join(f"{stem}.asf" for stem in stems)
+    raise RecordingError(f"{amc}: no skeleton {names} in its folder or one folder up")
 
 
 def read_clip(amc: Path, body: AcclaimSkeleton | None = None, *, frame_rate: float | None = None) -> Clip:

@@ -15,7 +15,7 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from itertools import chain, islice, pairwise, product
+from itertools import chain, islice, pairwise, product, starmap
 from pathlib import Path
 
 import numpy as np
@@ -240,11 +240,8 @@ def _motion_header(statements: Iterator[Line], last: Line, given: float | None) 
     if not given and not (period and 0 < (number_of(period[1]) or 0.0) < math.inf):
         got = period[1] if period else said[:60].strip() or "none"
         last.fail(f"expected a positive Frame Time, got {got}: --frame-rate says the frames per second")
-    return (
-        frames[1] if frames else "nothing",
-        given or _frame_rate(period[1].replace(",", ".") if period else ""),
-        statements,
-    )
+    rate = given or _frame_rate(period[1].replace(",", ".") if period else "")
+    return frames[1] if frames else "nothing", rate, statements
 
 
 def _rates_in(said: str) -> tuple[re.Match[str] | None, ...]:
@@ -275,10 +272,7 @@ def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
 
 
 def _place(
-    joints: Sequence[BvhJoint],
-    channels: NDArray[np.float64],
-    displaced: Sequence[bool],
-    positions: NDArray[np.float64],
+    joints: Sequence[BvhJoint], channels: NDArray[np.float64], displaced: Sequence[bool], positions: NDArray[np.float64]
 ) -> None:
     turned: list[NDArray[np.float64]] = []
     for index, (joint, numbers) in enumerate(zip(joints, _by_joint(joints, channels), strict=True)):
@@ -399,9 +393,8 @@ def read_clips(
     """
     bodies = [*_performers(read_bvh(path, frame_rate))]
     # Joints may be asked of one body alone.
-    bodies = [
-        body for body in bodies if any(fnmatchcase(each.name, joint) for each, joint in product(body.joints, joints))
-    ] or bodies
+    asked = [body for body in bodies if any(starmap(fnmatchcase, product((each.name for each in body.joints), joints)))]
+    bodies = asked or bodies
     if not bodies:
         refuse(path, 1, "expected a ROOT with joints, got ROOTs alone")
     clips = [hdm05.titled(_clip(body, metres_per_unit, joints, path.stem), path) for body in bodies]

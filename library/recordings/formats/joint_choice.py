@@ -55,11 +55,8 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
         return [index for index, label in enumerate(labels) if not _UNNAMED.fullmatch(_after_colon(label))]
     found = set[int]()
     for pattern in wanted:
-        fitting = {
-            index
-            for index, label in enumerate(labels)
-            if fnmatchcase(label, pattern) or fnmatchcase(_after_colon(label), pattern)
-        }
+        named = enumerate(zip(labels, map(_after_colon, labels), strict=True))
+        fitting = {index for index, names in named if any(fnmatchcase(name, pattern) for name in names)}
         if not fitting:
             raise ValueError(f"no joint is called {pattern!r}; there are {', '.join(labels)}")
         found |= fitting
@@ -87,10 +84,10 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
             people.setdefault(person, {})[place] = rest
         rests = [{*each.values()} for each in people.values()]
         twice = not count and sum(map(len, rests)) > len(set().union(*rests))
-        if len(people) > 1 and (
-            twice or (count and all(people) and all(Naming().read([*each]).convention for each in rests))
-        ):
-            return {person: each for person, each in people.items() if len(each) > 1}
+        found = {person: each for person, each in people.items() if len(each) > 1}
+        named = count and all(people) and all(Naming().read([*each]).convention for each in rests)
+        if len(people) > 1 and found and (twice or named):
+            return found
     return {"": dict(enumerate(labels))}
 
 

@@ -409,11 +409,8 @@ def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tupl
     if len(parts) == len(times) * len(shared) and not {each.lower() for each in shared} <= {"left", "right", "l", "r"}:
         return clocks, [other], names
     # A hand's numbers are not a body's.
-    return (
-        clocks,
-        people,
-        [f"{row[other]}_{n}" if row[other] in shared else n for n, row in zip(names, rows, strict=True)],
-    )
+    names = [f"{row[other]}_{n}" if row[other] in shared else n for n, row in zip(names, rows, strict=True)]
+    return clocks, people, names
 
 
 def _label(row: Sequence[str], columns: Sequence[int]) -> str:

@@ -98,9 +98,8 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
     for before, after in pairwise(by_performer):
         if before.performer == after.performer and after.start < before.end:
-            raise LabelError(
-                f"{path}: {before.label!r} (to {before.end}) and {after.label!r} (from {after.start}) overlap"
-            )
+            both = f"{before.label!r} (to {before.end}) and {after.label!r} (from {after.start})"
+            raise LabelError(f"{path}: {both} overlap")
     return tuple(sorted(segments, key=lambda segment: segment.start))
 
 
@@ -168,16 +167,13 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     exported = bool(_EXPORTED.fullmatch(head))
     delimiter = "\t" if exported else max(",;\t", key=head.count)
     # Audacity's labels have no headings, and may hold quotation marks.
-    rows = (
-        csv.DictReader(lines, _COLUMNS, delimiter=delimiter, quoting=csv.QUOTE_NONE)
-        if exported
-        else csv.DictReader(lines, delimiter=delimiter)
-    )
+    rows = csv.DictReader(lines, delimiter=delimiter)
+    if exported:
+        rows = csv.DictReader(lines, _COLUMNS, delimiter=delimiter, quoting=csv.QUOTE_NONE)
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
     if missing and set(rows.fieldnames or ()) >= _IN_FRAMES:
-        raise LabelError(
-            f"{path}: expected start_s,end_s,label, got frame numbers: divide them by the take's frames per second"
-        )
+        got = "frame numbers: divide them by the take's frames per second"
+        raise LabelError(f"{path}: expected start_s,end_s,label, got {got}")
     if missing:
         raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
     for row in rows:

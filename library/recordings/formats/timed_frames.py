@@ -70,11 +70,7 @@ class Evened(NamedTuple):
 
 
 def evened(
-    times: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    *,
-    rate: float | None = None,
-    begin: float | None = None,
+    times: NDArray[np.float64], positions: NDArray[np.float64], *, rate: float | None = None, begin: float | None = None
 ) -> Evened:
     """Put frames on an even grid: straight lines between two frames, standing still where no frame came for long.
 

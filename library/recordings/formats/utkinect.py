@@ -86,27 +86,8 @@ def read_segments(path: Path) -> tuple[Segment, ...]:
     OSError
         The take cannot be opened, or no labels are next to it.
     """
-    named, (numbers, _) = _NAME.fullmatch(path.name), _frames(path)
-    return _segments(path.with_name(LABELS), named["take"].lower() if named else path.stem, numbers)
-
-
-def _frames(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Read the frames in which a person is seen, each once: their numbers and positions, (frames, 60)."""
-    try:
-        rows = np.loadtxt(path, ndmin=2)
-    except ValueError as error:
-        raise RecordingError(f"{path}: {error}") from error
-    whole = rows.shape[1] == 1 + 3 * len(SKELETON.joints) and np.isfinite(rows).all()
-    if not whole or (np.diff(rows[:, 0]) < 0).any():
-        raise RecordingError(f"{path}: expected on each line a frame's number, that does not fall, and 60 numbers")
-    seen = rows[:, 1:].any(axis=1)
-    numbers, first = np.unique(rows[seen, 0].astype(np.int64), return_index=True)
-    if len(numbers) < 2:
-        raise RecordingError(f"{path}: expected at least 2 frames with a person, got {len(numbers)}")
-    return numbers, rows[seen, 1:][first]
-
-
-def _segments(labels: Path, take: str, numbers: NDArray[np.int64]) -> tuple[Segment, ...]:
+    named, labels, (numbers, _) = _NAME.fullmatch(path.name), path.with_name(LABELS), _frames(path)
+    take = named["take"].lower() if named else path.stem
     found, under = list[tuple[int, int, str]](), ""
     for line in labels.read_text(encoding="utf-8", errors="replace").splitlines():
         labelled = _LABEL.fullmatch(line)
@@ -124,3 +105,19 @@ def _segments(labels: Path, take: str, numbers: NDArray[np.int64]) -> tuple[Segm
         for (begin, _, label), end in zip(found, ends, strict=True)
         if end > max(begin, first)
     )
+
+
+def _frames(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Read the frames in which a person is seen, each once: their numbers and positions, (frames, 60)."""
+    try:
+        rows = np.loadtxt(path, ndmin=2)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    whole = rows.shape[1] == 1 + 3 * len(SKELETON.joints) and np.isfinite(rows).all()
+    if not whole or (np.diff(rows[:, 0]) < 0).any():
+        raise RecordingError(f"{path}: expected on each line a frame's number, that does not fall, and 60 numbers")
+    seen = rows[:, 1:].any(axis=1)
+    numbers, first = np.unique(rows[seen, 0].astype(np.int64), return_index=True)
+    if len(numbers) < 2:
+        raise RecordingError(f"{path}: expected at least 2 frames with a person, got {len(numbers)}")
+    return numbers, rows[seen, 1:][first]

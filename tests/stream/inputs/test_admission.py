@@ -157,14 +157,14 @@ def test_invented_names_do_not_pile_up() -> None:
 
 @pytest.mark.parametrize(("network", "received"), [("127.0.0.0/8", b"x"), ("192.168.0.0/24", b"")])
 def test_datagrams_from_elsewhere_are_not_read(network: str, received: bytes) -> None:
-    """With a list of networks, datagrams from other networks are counted and empty."""
+    """With a list of networks, datagrams from other networks come as empty ones."""
     receiver = osc.OscReceiver(LOOPBACK, 0, [ipaddress.ip_network(network)])
     sender = osc.OscSender(*receiver.address)
     sender.send(b"x")
     until = time.monotonic() + PATIENCE
     while (packet := receiver.receive()) is None and time.monotonic() < until:
         time.sleep(0.001)
-    assert (packet, receiver.strangers) == (received, 0 if received else 1)
+    assert packet == received
     sender.close()
     receiver.close()
 

@@ -99,7 +99,8 @@ def test_a_packet_is_kept_at_its_arrival() -> None:
     receiver.packets.append((b"a", ANN))
     receiver.waited = 0.25
     keeper = SimpleNamespace(note="", keep=lambda *packet: kept.append(packet))
-    source = Source(receiver, Costly(), keeper)  # type: ignore[arg-type]  # fakes
+    source = Source(receiver, Costly())  # type: ignore[arg-type]  # fakes
+    source.recorder = keeper  # type: ignore[assignment]  # as above
     assert source.take(2.0) == [b"a"]
     assert (kept, source.waited) == ([(b"a", 1.75, ANN)], 0.25)
 

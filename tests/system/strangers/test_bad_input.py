@@ -74,6 +74,8 @@ REFUSED = {
         f"{command} tcp://*:*": f"{command.split()[-1].strip('@')}: expected --keys, --allow-from or --open with tcp://*"
         for command in ("live --zmq-in", "live --osc-in :0 --teach {folder}/mine.npz --control")
     },
+    # Not when somebody teaches.
+    "page --port 0 --control tcp://nowhere": "tcp://nowhere: Invalid argument",
     "replay squat1Reps --listen @tcp://*:*": "--listen: expected --keys, --allow-from or --open with tcp://*:*, which ",
     # Ports that another program has, which keeps them.
     **{
@@ -145,6 +147,10 @@ REFUSED = {
     },
     "replay {torn} --osc 127.0.0.1:9 --from 2": "within its 1.00 s; {torn}: byte",
     "replay {none} --osc 127.0.0.1:9": "{none}: no packets in it",
+    **{
+        f"{command} {{none}}": "{none}: expected a performer with at least 2 frames, got none"
+        for command in ("build -o a.npz", "cut")
+    },
     "convert {tape} -o a.txt": "a.txt: expected a file that ends in .npz or .csv",
     "convert {tape} -o a.csv": "{tape}: expected --performer, one of ann, bob",
     "convert {tape} -o a.csv --performer eve": "{tape}: no frame of 'eve' in it",

@@ -132,13 +132,16 @@ def test_any_text_is_an_address_or_refused(text: str) -> None:
         assert 0 <= port <= 65535
 
 
-def test_ctrl_c_while_it_loads_ends_it_quietly() -> None:
-    """An interrupt in the half second in which numpy is loaded ends the program with 1 and no traceback."""
+@pytest.mark.parametrize("becomes", ["KeyboardInterrupt", "ImportError", "RuntimeError"])
+def test_ctrl_c_while_it_loads_ends_it_quietly(becomes: str) -> None:
+    """An interrupt while numpy is loaded ends the program with 1 and no traceback, whatever numpy makes of it."""
     interrupted = (
-        "import sys\n"
+        "import signal, sys\n"
         "class Interrupting:\n"
         "    def find_spec(self, name, *_):\n"
-        "        if name == 'numpy': raise KeyboardInterrupt\n"
+        "        if name == 'numpy':\n"
+        "            try: signal.raise_signal(signal.SIGINT)\n"
+        f"            except KeyboardInterrupt: raise {becomes}\n"
         "sys.meta_path.insert(0, Interrupting())\n"
         "from kinespace.tools.cli.entry import main\n"
         "sys.argv[1:] = ['info']\n"

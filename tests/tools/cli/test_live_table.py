@@ -1,6 +1,5 @@
 """The table of a running recogniser."""
 
-import logging
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -171,8 +170,7 @@ HOSTILE = "a\x1b[31m\x9b\u202e\u2028\nFORGED"
 def logged() -> Iterator[Callable[[Literal["text", "json"]], None]]:
     """Give the switch to a log, which is off again afterwards."""
     yield log_as
-    log = logging.getLogger("kinespace.lines")
-    log.handlers, log.propagate = [], True
+    log_as(None)
 
 
 @pytest.mark.parametrize("way", ["table", "lines", "text", "json"])

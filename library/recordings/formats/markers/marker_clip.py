@@ -92,20 +92,16 @@ def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
         raise ValueError(f"expected 2 markers or more that are seen, got {(~lost).sum()} of {len(names)}")
     skeleton = Skeleton(tuple(name for name, gone in zip(names, lost, strict=True) if not gone))
     filled = _filled(even.positions[:, ~lost], missing[:, ~lost], absent)
-    rests = (
-        []
-        if _holds_together(filled)
-        else ["positions: no two joints keep their distance: are they velocities, or turns?"]
-    )
-    rests += [
-        f"not seen: most markers from {a / even.rate:.2f} to {b / even.rate:.2f} s; the body rests" for a, b in absent
-    ]
+    odd = "positions: no two joints keep their distance: are they velocities, or turns?"
+    rests = [] if _holds_together(filled) else [odd]
+    spans = [(a / even.rate, b / even.rate) for a, b in absent]
+    rests += [f"not seen: most markers from {a:.2f} to {b:.2f} s; the body rests" for a, b in spans]
     return Clip(
         skeleton=skeleton,
         positions=filled,
         frame_rate=even.rate,
         filled=int(missing[:, ~lost].sum()) + even.missing * len(skeleton.joints),
-        gaps=tuple(sorted((*even.gaps, *((a / even.rate, b / even.rate) for a, b in absent)))),
+        gaps=tuple(sorted((*even.gaps, *spans))),
         notes=(*notes, *_left_out(names, missing, lost), *rests),
     )
 

@@ -197,6 +197,9 @@ def test_of_two_performers_one_must_be_chosen(tmp_path: Path, ending: str) -> No
     clip = read(path, Reading(joints=("bob:*",), unit="mm"))
     assert clip.skeleton.joints == ("hip", "knee", "heel")
     np.testing.assert_allclose(clip.positions, (walk() + 500) / 1000, rtol=1e-6)
+    # A joint each is no body each.
+    path = walked(ending, tmp_path, both[:, [0, 3]], ("ann:hip", "bob:hip"))
+    assert read(path, Reading(unit="mm")).skeleton.joints == ("hip", "hip_2")
 
 
 # --- broken files ------------------------------------------------------------------------------------------------

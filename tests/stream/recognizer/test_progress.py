@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.phases import VELOCITY, PhaseTable
-from kinespace.stream import Frame, Progress, Recognizer, Settings
+from kinespace.stream import Progress
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
@@ -143,17 +143,3 @@ def test_a_class_named_late_is_followed_within_a_third_of_a_second() -> None:
     other = replace(table_without("mm"), basis=replace(table_without("mm").basis))
     exchanged.exchange(other)
     assert exchanged.progress is None
-
-
-@pytest.mark.slow
-def test_the_recogniser_tells_progress_when_asked() -> None:
-    """With `progress` answers that name a motion carry it, and others do not; without it none does."""
-    clip = clip_of(DOWN, "mm")
-    frames = [Frame("ann", index / clip.frame_rate, each) for index, each in enumerate(clip.positions)]
-    told = [Recognizer(opened_few(), Settings(progress=progress)) for progress in (True, False)]
-    asked, unasked = ([each for frame in frames if (each := one.push(frame))] for one in told)
-    assert {each.progress for each in unasked} == {None}
-    assert [each.outcome for each in asked] == [each.outcome for each in unasked]
-    phases = [each.progress.phase for each in asked if each.class_name and each.progress]
-    assert len(phases) == sum(each.class_name is not None for each in asked) > 0
-    assert phases[-1] > phases[0]

@@ -2,11 +2,11 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import small_library
 from recorded import write_clips, write_take
 
 from kinespace.library import MotionLibrary
@@ -78,12 +78,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.fixture(scope="module", autouse=True)
 def _few_built_in() -> Iterator[None]:
     """Leave of the built-in library two motions of each of three classes by three persons."""
-    builtin, few = MotionLibrary.builtin(), []
-    for name in ("grabHighR", "squat1Reps", "jogLeftCircle4StepsRstart"):
-        for actor in ("bd", "dg", "mm"):
-            few += [each for each in builtin.motions if (each.class_name, each.actor) == (name, actor)][:2]
+    library = small_library()
     with pytest.MonkeyPatch.context() as patched:
-        library = replace(builtin, motions=tuple(few))
         patched.setattr(MotionLibrary, "builtin", lambda: library)
         yield
 

@@ -4,7 +4,6 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcom
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.decoder import FeedDecoder
-from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
@@ -260,27 +258,6 @@ def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None
     fits = len(frame.positions) == len(_STICK.joints)
     assert (header.names, header.parents) == ((_STICK.joints, _STICK.parents) if fits else (None, None))
     assert (header.carried, header.pairs) == (carried if fits and carried else (None, None))
-
-
-@given(
-    packets=st.lists(
-        st.builds(
-            RawPacket,
-            arrival=st.floats(-4e9, 4e9),
-            source=st.integers(0, 1),
-            sender=st.text(st.characters(exclude_categories=["Cs"]), max_size=20),
-            parts=st.lists(st.binary(max_size=60), max_size=4).map(tuple),
-        ),
-        max_size=8,
-    )
-)
-def test_recorded_packets_are_read_back(tmp_path_factory: pytest.TempPathFactory, packets: list[RawPacket]) -> None:
-    """Packets of any content are read as they were written, every time the file is gone through."""
-    path: Path = tmp_path_factory.getbasetemp() / "packets.kinerec"
-    path.write_bytes(encode_header(RawHeader("now", ("a", "b"))) + b"".join(map(encode_packet, packets)))
-    recording = RawFile(path)
-    assert [list(recording.packets()), list(recording.packets())] == [packets, packets]
-    assert (recording.lost_from, recording.damage()) == (None, "")
 
 
 # --- what else may be said ---------------------------------------------------------------------------------------

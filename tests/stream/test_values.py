@@ -101,17 +101,6 @@ def test_without_a_name_the_label_says_why(outcome: Outcome) -> None:
     assert (nameless.best, nameless.score, nameless.second_index, nameless.margin) == (1, 0.75, 2, 0.25)
 
 
-@given(scores=st.lists(st.floats(0.0, 1.0, width=32), min_size=2, max_size=20))
-def test_the_margin_is_that_of_the_two_best(scores: list[float]) -> None:
-    """For any scores the best is a highest one, the second another class, and the margin their difference."""
-    classes = tuple(f"class{index}" for index in range(len(scores)))
-    answer = dataclasses.replace(NAMED, classes=classes, scores=np.array(scores))
-    second, best = sorted(scores)[-2:]
-    assert answer.score == best
-    assert answer.margin == best - second
-    assert scores[answer.second_index] == second
-
-
 # --- status -----------------------------------------------------------------------------------------------------------
 
 

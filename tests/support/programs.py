@@ -69,13 +69,6 @@ class Program:
             time.sleep(_POLL)
         raise AssertionError(f"no {pattern!r} in time: {self.output}{self.errors}")
 
-    def found(self, pattern: str, seconds: float = PATIENCE) -> bool:
-        """Wait until the output matches, the program ends, or so many seconds are over; say whether it matches."""
-        until = time.monotonic() + seconds
-        while self.process.poll() is None and time.monotonic() < until and not re.search(pattern, self.output):
-            time.sleep(_POLL)
-        return bool(re.search(pattern, self.output))
-
     def wait(self) -> int:
         """Wait until the program ends by itself; give its exit status."""
         return self.process.wait(PATIENCE)

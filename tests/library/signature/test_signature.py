@@ -3,20 +3,16 @@
 import math
 
 import naive
-import naive_windows
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from naive_windows import body_of, rank_k_product
 from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary, WindowIndex, distance_rows, signature_of, similarity
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
-from kinespace.library.signature.parts import Eigenpairs, eigen, flattened
-from kinespace.library.windows.cutting import eigenpairs_of
 from kinespace.stream.feeds import builtin_preset
 
 # --- basis ------------------------------------------------------------------------------------------------------------
@@ -79,15 +75,6 @@ def test_few_moving_pairs_make_few_directions(body: Body) -> None:
 # --- body -------------------------------------------------------------------------------------------------------------
 
 
-def test_size_and_lengths_of_a_real_body(builtin: MotionLibrary) -> None:
-    """They equal the twin's, which walks from joint to joint; no distance is longer than the segments between."""
-    body, twin = Body.of(builtin.skeleton), body_of(builtin.skeleton)
-    rows = distance_rows(builtin.motions[0].positions[:20], builtin.skeleton)
-    assert np.allclose(body.size(rows), [twin.size(row) for row in rows])
-    assert np.allclose(body.lengths(rows), [twin.lengths(row) for row in rows])
-    assert (rows <= body.lengths(rows) + 1e-9).all()
-
-
 # --- leading ----------------------------------------------------------------------------------------------------------
 
 
@@ -127,31 +114,6 @@ def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def covariances() -> NDArray[np.float64]:
-    """Give the covariances of three windows of five directions, the last one without movement."""
-    points = np.random.default_rng(5).normal(size=(2, 20, 5)) * [3.0, 2.0, 1.0, 0.5, 0.1]
-    return np.array([*(naive_windows.covariance(each) for each in points), np.zeros((5, 5))])
-
-
-def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> None:
-    """Their squares, and products of the flattened matrices, are the rank-k matrices' products, whatever the signs."""
-    pairs = eigenpairs_of(covariances)
-    scaled, flat = eigen(pairs), flattened(eigen(pairs))
-    expected = rank_k_product(covariances[0], covariances[1])
-    assert 0.0 < expected < 1.0
-    assert flat.shape == (3, 15)
-    assert np.square(scaled[0] @ scaled[1].T).sum() == pytest.approx(expected)
-    assert flat[0] @ flat[1] == pytest.approx(expected)
-    assert np.square(scaled[0] @ scaled[0].T).sum() == pytest.approx(1.0)
-    assert not scaled[2].any()
-    turned = Eigenpairs(pairs.values, pairs.vectors * np.array([1, -1, -1, 1])[:, None])
-    assert np.allclose(flattened(eigen(turned)), flat)
-    # Rounding makes the values of a window that hardly moves negative.
-    below = eigen(Eigenpairs(np.array([[2.0, -1e-17]]), np.eye(2)[None]))
-    assert below.tolist() == [[[1.0, 0.0], [0.0, 0.0]]]
 
 
 _SENT = builtin_preset("mediapipe").sent

@@ -1,17 +1,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import naive_windows
 import numpy as np
 import pytest
 from naive import score
-from naive_windows import body_of, nearest, window
+from naive_windows import nearest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
-from kinespace.library.signature.parts import PARTS, Kind, Part, Signature
+from kinespace.library.signature.parts import Part, Signature
 from kinespace.library.windows.comparison import FIRST_WINDOW, by_paper
 from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
 from kinespace.library.windows.taught import teacher_of
@@ -306,25 +305,3 @@ def test_the_shortest_motion_with_a_window(clip: Clip) -> None:
         cut = replace(clip.moved_to(clip.positions[:frames]), frame_rate=float(rate))
         assert (cut.duration >= FIRST_WINDOW) == (frames != 4)
         assert window_ends(cut, 0.4, first=1.0).tolist() == ends
-
-
-@pytest.mark.slow
-def test_numbers_by_definition(clip: Clip, builtin_index: WindowIndex, arithmetic: str) -> None:
-    """Every part of some windows of two motions equals its twin, read off the window's own frames."""
-    clips = [clip, clip.moved_to(clip.positions[40:53])]
-    ends = [window_ends(each, 0.4)[-9:] for each in clips]
-    body, directions = body_of(clip.skeleton), builtin_index.basis.directions
-    cut = CutWindows(clips, ends, builtin_index.body, builtin_index.basis)
-    numbers, place = cut.numbers, 0
-    for motion, own in zip(clips, ends, strict=True):
-        for end in own:
-            for part in PARTS:
-                times, rows = window(motion, end, part.seconds)
-                twin = naive_windows.numbers_of([part], times[-1], times, rows, directions, body)[part]
-                found = numbers[part][place]
-                ours = found.T @ found if part.kind is Kind.EIGEN else found
-                assert np.allclose(ours, twin, atol=1e-7), (arithmetic, part)
-            vectors = naive_windows.leading(naive_windows.covariance(window(motion, end, 2.0)[1] @ directions))[1]
-            assert np.abs(cut.leading[place] @ vectors[0]) == pytest.approx(1.0)
-            place += 1
-    assert {len(each) for each in numbers.values()} == {place}

@@ -164,16 +164,6 @@ def test_another_time_begins_another_frame() -> None:
 # --- late and absent joints --------------------------------------------------------------------------------------
 
 
-def test_a_joint_that_comes_late_makes_no_frame_of_its_own() -> None:
-    """A joint of a frame that is closed already is counted, and spoils neither that frame nor the next."""
-    target = assembler("end")
-    pushed(target, [*whole(1.0), message("/end")], 0.0)
-    assert pushed(target, [joint("d", 1.0), message("/begin")], 0.01) == []
-    assert target.counts.late == 1
-    (frame,) = pushed(target, [*whole(2.0), message("/end")], 0.02)
-    assert values(frame) == [2.0] * 4
-
-
 def test_an_absent_joint_is_held_for_a_while() -> None:
     """A joint that is absent stays where it was, each time counted, then frames without it are refused and counted."""
     target = assembler("end")

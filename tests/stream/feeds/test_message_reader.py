@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 from golden import bundle, message
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import Mapper, PresetError, builtin_names, builtin_preset, load_preset
@@ -102,23 +100,6 @@ def test_a_mistake_is_one_line(old: str, new: str) -> None:
     assert told.startswith(f"mine.toml: {MISTAKES[old][new]}")
     assert "\n" not in told
     assert ", got " in told
-
-
-def refusal(text: str) -> str:
-    """Give the reason why a preset is refused; empty when it is not."""
-    try:
-        parse_preset(text, "mine", "mine.toml")
-    except PresetError as error:
-        return str(error)
-    return ""
-
-
-@given(st.sampled_from(GOOD.split("\n")[1:]), st.text(max_size=30))
-def test_no_text_raises_anything_else(line: str, put: str) -> None:
-    """With any text in place of a line, a preset is read or raises one PresetError of one line."""
-    told = refusal(GOOD.replace(line, put))
-    assert told == "" or told.startswith("mine.toml: ")
-    assert "\n" not in told
 
 
 def read(target: Mapper, packet: bytes) -> Reading:

@@ -65,7 +65,7 @@ class Fed:
         self.gateway, self._one = gateway, Performers(opened(library), FOLLOWED)
         clips = [stick_clip(name, seed=80, frames=4 * RATE).positions[::2] for name in STICK_CLASSES]
         self._moments = [
-            [Frame(name, 1 + k / RATE, each) for name in NAMES]
+            [Frame(name, 1 + k / RATE, each.astype(kind)) for name, kind in zip(NAMES, ["f4", "f8"] * 2, strict=True)]
             for k, each in enumerate(p for clip in clips for p in clip)
         ]
         self.heard, self.expected = list[Recognition](), list[Recognition]()

@@ -43,12 +43,6 @@ def _shuffled(clip: Clip, seed: int = 5, *, parents: bool = True) -> Clip:
     return dataclasses.replace(clip, skeleton=skeleton, positions=clip.positions[:, order])
 
 
-@pytest.fixture(scope="module")
-def builtin() -> MotionLibrary:
-    """Give the built-in library, read anew."""
-    return MotionLibrary.builtin()
-
-
 # --- made of clips -----------------------------------------------------------------------------------------------
 
 

@@ -156,6 +156,11 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     )
 
 
+#: Fields whose names and values are those of the JSON.
+_AS_THEY_ARE = ("movement", "share", "gap", "eigenvector_class", "eigenvector_score")
+_OF_PROGRESS = ("phase", "scrub", "speed", "amplitude", "sure", "cycles")
+
+
 @pytest.mark.slow
 @given(recognition=recognitions())
 def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
@@ -179,22 +184,10 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         "scores": {
             name: round(float(score), 6) for name, score in zip(recognition.classes, recognition.scores, strict=True)
         },
-        "movement": recognition.movement,
-        "share": recognition.share,
-        "gap": recognition.gap,
-        "eigenvector_class": recognition.eigenvector_class,
-        "eigenvector_score": recognition.eigenvector_score,
+        **{name: getattr(recognition, name) for name in _AS_THEY_ARE},
         "doubted": [],
         "progress": followed
-        and {
-            "class": followed.class_name,
-            "phase": followed.phase,
-            "scrub": followed.scrub,
-            "speed": followed.speed,
-            "amplitude": followed.amplitude,
-            "sure": followed.sure,
-            "cycles": followed.cycles,
-        },
+        and {"class": followed.class_name, **{name: getattr(followed, name) for name in _OF_PROGRESS}},
     }
     topic, encoded = zeromq.encode_recognition(recognition)
     assert topic == f"class/{recognition.performer}/".encode()
@@ -203,42 +196,19 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     assert list(json.loads(encoded).items()) == list(json.loads(json.dumps(expected)).items())
 
 
+_COUNTS, _MOMENTS = st.integers(0, 2**31 - 1), st.floats(-1e30, 1e30)
+
+
 @given(
-    event=st.builds(
-        Event,
-        _TEXT,
-        st.sampled_from(EventKind),
-        _TEXT,
-        st.integers(0, 2**31 - 1),
-        st.floats(0, 1),
-        st.floats(-1e30, 1e30),
-    ),
-    since=st.floats(-1e30, 1e30),
+    event=st.builds(Event, _TEXT, st.sampled_from(EventKind), _TEXT, _COUNTS, st.floats(0, 1), _MOMENTS),
+    done=st.builds(Done, _TEXT, _TEXT, _COUNTS, _MOMENTS, *[st.floats(0, 100)] * 4, _COUNTS),
+    since=_MOMENTS,
 )
-def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> None:
-    """The packet of any event equals python-osc's."""
+def test_what_happened_is_byte_for_byte_python_oscs(event: Event, done: Done, since: float) -> None:
+    """The packets of any event, and of any motion that was done, equal python-osc's."""
     arguments = [("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score)]
     address = f"/motion/{osc.address_part(event.performer)}/event"
     assert osc_answers.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
-
-
-@given(
-    done=st.builds(
-        Done,
-        performer=_TEXT,
-        label=_TEXT,
-        index=st.integers(0, 2**31 - 1),
-        start=st.floats(-1e30, 1e30),
-        duration=st.floats(0, 100),
-        score=st.floats(0, 1),
-        speed=st.floats(0, 10),
-        amplitude=st.floats(0, 10),
-        count=st.integers(0, 2**31 - 1),
-    ),
-    since=st.floats(-1e30, 1e30),
-)
-def test_a_motion_done_is_byte_for_byte_python_oscs(done: Done, since: float) -> None:
-    """The packet of any motion that was done equals python-osc's."""
     numbers = done.start - since, done.duration, done.score, done.speed, done.amplitude
     arguments = [("s", done.label), ("i", done.index), ("i", done.count), *(("f", each) for each in numbers)]
     address = f"/motion/{osc.address_part(done.performer)}/done"

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import singlepart
 from fakes import FakeReceiver
-from golden import LAYOUTS, Moment, bundle, message
+from golden import LAYOUTS, bundle, message, moments
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, Outcome, Recognition, osc, zeromq
@@ -45,12 +45,9 @@ def golden_packets(preset: str) -> list[bytes]:
     """Give a few frames of every layout of a preset."""
     generator = np.random.default_rng(1)
     packets: list[bytes] = []
-    for name, (own, layout) in LAYOUTS.items():
+    for name, (own, _) in LAYOUTS.items():
         if own == preset:
-            for number in range(3):
-                places = dict(zip(SKELETON.joints, generator.normal(size=(31, 3)), strict=True))
-                packets += layout(Moment(places, 1.0 + number / 30, number))
-            assert packets, name
+            packets += [packet for _, sent in moments(name, generator.normal(size=(3, 31, 3))) for packet in sent]
     return packets
 
 

@@ -10,10 +10,9 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from golden import LAYOUTS, Moment
+from golden import moments
 from programs import ghost_cues
 
-from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Frame
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import kinerec
@@ -152,20 +151,14 @@ def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch:
     assert RawFile(path).damage() == ""
 
 
-def packets_of(layout: str) -> list[tuple[bytes, float]]:
-    """Send a ghost as a product would, at 30 frames a second: datagrams, and when they come."""
-    packets = []
-    for number, cue in enumerate(ghost_cues("kickLFront1Reps", 2.0)[::4]):
-        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-        arrival = 5.0 + number / 30
-        datagrams = LAYOUTS[layout][1](Moment(places, arrival, number))
-        packets += [(datagram, arrival + place * 1e-6) for place, datagram in enumerate(datagrams)]
-    return packets
-
-
 def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
     """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
-    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
+    positions = [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", 2.0)[::4]]
+    packets = [
+        RawPacket(arrival + place * 1e-6, 0, "10.0.0.7:9", (datagram,))
+        for arrival, datagrams in moments("osceleton", positions)
+        for place, datagram in enumerate(datagrams)
+    ]
     builtin = builtin_preset("osceleton")
     mine = builtin.text.replace("/joint", "/elsewhere")
     assert mine != builtin.text

@@ -286,19 +286,16 @@ def _read(packet: bytes | None) -> list[tuple[str, list[object]]]:
 def test_each_moment_has_its_messages(films: WrittenLayout) -> None:
     """Numbers stay numbers, a text around a name is filled in, reserved characters of a name leave the address."""
     assert (films.name, films.port) == ("a mixer of films", 7000)
-    assert _read(films.event(Event("Ada L", EventKind.START, "jump", 1, 0.75, 4.0))) == [
+    assert _read(films.event(START)) == [
         ("/composition/columns/2/connect", [1]),
         ("/Ada%20L/jump", ["begins jump", 1, 0.75]),
     ]
-    assert _read(films.event(Event("Ada L", EventKind.START, "bow", 0, 0.75, 4.0))) == [
-        ("/Ada%20L/bow", ["begins bow", 0, 0.75])
-    ]
-    assert films.event(Event("Ada L", EventKind.END, "jump", 1, 0.75, 4.0)) is None
-    progress = Progress("jump", 0.5, 0.5, 1.25, 0.75, sure=1.0, cycles=0)
-    scores = np.array([0.25, 0.75], dtype=np.float32)
-    answer = Recognition("Ada L", 4.0, Outcome.NAMED, ("bow", "jump"), scores, movement=0.2, progress=progress)
-    assert _read(films.recognition(answer)) == [("/fader", [0.75, pytest.approx(answer.margin), 0.5, "1.2 x", 0.5])]
-    assert _read(films.done(Done("Ada L", "jump", 1, 6.0, 1.5, 0.875, 1.25, 0.75, 3))) == [("/count", [3, 1.5])]
+    bow = dataclasses.replace(START, label="bow", index=0)
+    assert _read(films.event(bow)) == [("/Ada%20L/bow", ["begins bow", 0, 0.75])]
+    assert films.event(dataclasses.replace(START, kind=EventKind.END)) is None
+    answer = dataclasses.replace(recognition(), progress=FOLLOWED)
+    assert _read(films.recognition(answer)) == [("/fader", [0.75, 0.5, 0.25, "1.5 x", 0.5])]
+    assert _read(films.done(DONE)) == [("/count", [3, 1.5])]
     assert _read(films.gone(LEFT)) == [("/blackout", [])]
 
 

@@ -42,12 +42,6 @@ def covariance(rows: Matrix) -> Matrix:
     return np.atleast_2d(np.cov(rows, rowvar=False))
 
 
-def leading_eigenvector(matrix: Matrix) -> tuple[float, Matrix]:
-    """Solve the whole eigenproblem and keep the largest."""
-    values, vectors = np.linalg.eigh(matrix)
-    return float(values[-1]), vectors[:, -1]
-
-
 def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
     """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows.
 

@@ -24,21 +24,6 @@ def _positions(joints: int = 4, dtype: type = np.float64) -> np.ndarray:
     return np.random.default_rng(3).normal(size=(joints, 3)).astype(dtype)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize(
-    "values",
-    [(np.inf, -np.inf), (np.nan, np.inf), (3e38, 3e38), (3e38, -3e38), (1e155, 0.0), (-1e200, 1.7e308)],
-    ids=["infinities", "both", "sum", "0", "overflow", "far"],
-)
-def test_bad_numbers_do_not_cancel(dtype: type, values: tuple[float, float]) -> None:
-    """Two bad numbers are refused like one, with any sum, also doubles whose squares overflow."""
-    positions = _positions(dtype=dtype)
-    with np.errstate(over="ignore"):
-        positions[0, 0], positions[2, 1] = values
-    with pytest.raises(ValueError, match="positions"):
-        Frame("p", 1.0, positions)
-
-
 @given(dtype=TYPES, place=st.integers(0, 11))
 def test_a_lost_joint_is_no_bad_frame(dtype: type, place: int) -> None:
     """A joint with a NaN among its numbers is lost; a frame in which all are is refused."""

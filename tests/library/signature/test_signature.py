@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary, WindowIndex, distance_rows, signature_of, similarity
+from kinespace.library import MotionLibrary, WindowIndex, signature_of, similarity
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
@@ -20,12 +20,6 @@ from kinespace.stream.feeds import builtin_preset
 
 #: The rounding of single precision, in which a basis is kept, in sums of some hundred numbers.
 SINGLE = 1e-6
-
-
-@pytest.fixture(scope="module")
-def rows(builtin: MotionLibrary) -> list[NDArray[np.float64]]:
-    """Give distance rows of three motions."""
-    return [distance_rows(motion.positions, builtin.skeleton) for motion in builtin.motions[:200:70]]
 
 
 @pytest.fixture(scope="module")
@@ -45,18 +39,6 @@ def test_the_builtin_basis_holds_nearly_all_movement(builtin_index: WindowIndex)
     assert not basis.weights[segments].any()
     assert not basis.directions[segments].any()
     assert moving.sum() <= len(basis.weights) - len(segments)
-
-
-def test_all_pairs_and_classes_count_alike(rows: list[NDArray[np.float64]], body: Body) -> None:
-    """The variance of each moving distance, relative to the body, times its weight is 1, mean over classes."""
-    basis = Basis.learned([rows[:1], rows[1:]], body)
-    relative = [np.var(each / body.size(each.mean(axis=0)), axis=0) for each in rows]
-    by_class = [relative[0], (relative[1] + relative[2]) / 2]
-    moving = basis.weights > 0
-    assert np.allclose((np.mean(by_class, axis=0) * basis.weights**2)[moving], 1.0, rtol=1e-3)
-    assert np.array_equal(moving, np.mean(by_class, axis=0) > 1e-3 * np.mean(by_class))
-    once, often = (Basis.learned([[rows[0]] * times, rows[1:2]], body) for times in (1, 4))
-    assert np.allclose(once.weights, often.weights, rtol=1e-4)
 
 
 def test_few_moving_pairs_make_few_directions(body: Body) -> None:
@@ -79,18 +61,6 @@ def test_few_moving_pairs_make_few_directions(body: Body) -> None:
 
 
 SEEDS = st.integers(0, 2**32 - 1)
-
-
-@given(st.integers(2, 40), st.integers(1, 12), SEEDS)
-def test_the_signature_is_the_leading_eigenvector(frames: int, numbers: int, seed: int) -> None:
-    """Of any rows, more or fewer than numbers, the axis is numpy's, of length 1, whatever its sign."""
-    generator = np.random.default_rng(seed)
-    rows = 5.0 + generator.normal(size=(frames, numbers)) * 2.0 ** -np.arange(numbers)
-    axis = signature_of(rows)
-    value, _ = naive.leading_eigenvector(naive.covariance(rows))
-    assert axis.shape == (numbers,)
-    assert np.linalg.norm(axis) == pytest.approx(1.0)
-    assert axis @ naive.covariance(rows) @ axis == pytest.approx(value)
 
 
 @pytest.mark.parametrize("frames", [2, 10])

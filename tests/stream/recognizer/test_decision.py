@@ -16,13 +16,12 @@ from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
 from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream import Event, EventKind, LiveSignature, Outcome, Recognition, Settings
-from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
+from kinespace.stream.recognizer.decision import Decision, Hysteresis, Judgement
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for
 
 CLASSES = ("bow", "jump", "wave")
-START, END = EventKind.START, EventKind.END
-NAMED, STILL, UNKNOWN = Outcome.NAMED, Outcome.STILL, Outcome.UNKNOWN
+START, END, NAMED = EventKind.START, EventKind.END, Outcome.NAMED
 HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
@@ -56,9 +55,6 @@ def _told(events: Iterable[Event]) -> list[tuple[EventKind, str]]:
     return [(event.kind, event.label) for event in events]
 
 
-# --- hysteresis and judgement ------------------------------------------------------------------------------------
-
-
 @given(st.lists(st.tuples(st.integers(0, 3), st.floats(0, 2), st.floats(0, 0.2)), max_size=60), st.floats(0.01, 3))
 def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, float, float]], needed: float) -> None:
     """The lead of the name in front, times thirtieths of a second, counts since it came to the front, and once."""
@@ -75,6 +71,9 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
     assert hysteresis.current == (current if current in {"a", "b", None} else None)
     hysteresis.clear()
     assert hysteresis.current is None
+
+
+# --- hysteresis and judgement ------------------------------------------------------------------------------------
 
 
 @given(
@@ -114,22 +113,6 @@ def _seen(*distances: float, signature: Signature = MOVING) -> Compared:
     """Give windows at these log distances from the classes, alike by each group."""
     logs = np.array([distances] * 3)
     return Compared(signature, Distances(logs, logs[0], logs[1:], np.exp(-logs[0])))
-
-
-def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -> None:
-    """The first is followed at once; while it is held its lead is below 0; the lead counts for as long as hops last."""
-    decision = Decision(NEEDED)
-    decided = [
-        decision.push(LiveWindows(index), _seen(*each), 0.0, time * HOP)
-        for time, each in enumerate([(3.0, 1.0, 1.5), *[(1.0, 1.25, 3.0)] * 4, (1.0, 9.0, 9.0)])
-    ]
-    assert [each.guess for each in decided] == ["jump"] * 3 + ["bow"] * 3
-    assert [each.lead for each in decided] == pytest.approx([0.5, -0.25, -0.25, 0.25, 0.25, 8.0])
-    assert 2 * 0.25 < LEAD < 3 * 0.25
-    decision.clear()
-    assert decision.push(LiveWindows(index), _seen(2.0, 1.9, 3.0), 0.0, 9.0).guess == "jump"
-    alone = index.of_some([place for place, each in enumerate(index.library.motions) if each.class_name == "wave"])
-    assert decision.push(LiveWindows(alone), _seen(0.7), 0.0, 9.1)[1:3] == ("wave", math.inf)
 
 
 @pytest.mark.parametrize(("gap", "outcome"), [(0.019, Outcome.AMBIGUOUS), (0.021, NAMED)])
@@ -185,16 +168,6 @@ def test_an_event_holds_performer_and_score() -> None:
     assert end == Event("p", END, "jump", 1, 0.2, other.time)
     assert other == Event("p", START, "wave", 2, 0.9, other.time)
     assert start.time == pytest.approx(10 + NEEDED * HOP, abs=HOP + 1e-9)
-
-
-def test_a_gap_adds_no_lead() -> None:
-    """A gap counts as a tenth of a second, and a clock that runs back as nothing; after `end` time begins again."""
-    doubtful = [_recognition(time, 1, 0.6) for time in (0.0, 60.0, 50.0)]
-    decision = Decision(NEEDED)
-    assert _pushed(decision, doubtful) == []
-    assert decision.end(60.0) is None
-    assert _pushed(decision, [_recognition(500.0, 1, 9.0)]) == []
-    assert _told(_pushed(decision, [_recognition(500.1, 1, 9.0)])) == [(START, "jump")]
 
 
 def test_in_another_library_the_motion_goes_on_if_its_class_does(index: WindowIndex) -> None:

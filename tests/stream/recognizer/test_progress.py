@@ -107,18 +107,6 @@ def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
             assert (told.phase, told.speed) == pytest.approx((seen.phase, seen.speed), abs=1e-6)
 
 
-def test_nothing_named_has_no_progress() -> None:
-    """Without a class, or with one that the table lacks, there is no progress; after a minute there is one step."""
-    follower, points = ProgressFollower(table_without("bk")), points_of(clip_of(SQUAT, "bk").positions[:60:2])
-    assert {follower.push(index * STEP, point, None) for index, point in enumerate(points[:20])} == {None}
-    assert follower.push(20 * STEP, points[20], "no such class") is None
-    assert follower.push(21 * STEP, points[21], SQUAT)
-    assert follower.push(60.0, points[22], SQUAT)
-    assert follower.push(60.1, points[22], None) is None
-    follower.clear()
-    assert follower.progress is None
-
-
 def test_a_class_named_late_is_followed_within_a_third_of_a_second() -> None:
     """Named in the middle, or after an exchange, its phase is soon as if followed from the start."""
     clip = clip_of(SQUAT, "mm")

@@ -10,7 +10,7 @@ from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream import Event, EventKind, Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
-from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, MAX_WAITING, OFFER, Memory, NamedMotions
+from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, OFFER, Memory, NamedMotions
 
 RATE = 60.0
 
@@ -161,17 +161,6 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     assert spans[0] == pytest.approx((110.2, 112.5), abs=0.5)
 
 
-def test_a_pause_in_the_feed_ends_a_recording() -> None:
-    """A sender that pauses between motions, as a replay does, sends no stillness: the motion is an example."""
-    stage = _asked("wave", 2)
-    for _ in range(2):
-        stage.show(stage.library.motions[40].positions)
-        stage.wait(1.0)
-    assert stage.steps().count(Step.CHECKING) == 2
-    lasts = stage.library.motions[40].duration
-    assert [each.seconds for each in stage.teacher.roster.examples] == [pytest.approx(lasts, abs=0.3)] * 2
-
-
 @pytest.mark.parametrize(("command", "examples"), [(commands.Stop(), 1), (commands.Cancel(), 0)])
 def test_a_recording_is_ended_by_hand(command: Command, examples: int) -> None:
     """A recording that is stopped becomes an example, and one that is cancelled none."""
@@ -212,14 +201,6 @@ def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
     assert stage.steps() == [Step.WAITING, Step.RECORDING]
     stage.stand(1.0, 40)
     assert stage.steps()[-1] is Step.CHECKING
-
-
-def test_standing_still_throughout() -> None:
-    """A performer who stands still throughout gets a refusal."""
-    stage = _asked()
-    stage.stand(MAX_WAITING + 1)
-    assert stage.steps()[-1] is Step.REFUSED
-    assert "stood still" in stage.reason()
 
 
 def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:

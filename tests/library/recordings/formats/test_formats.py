@@ -180,18 +180,6 @@ def test_the_rate_is_the_whole_number_the_period_was_rounded_from(tmp_path: Path
     assert bvh.read_clips(tmp_path / "tiny.bvh")[0].frame_rate == pytest.approx(rate, rel=1e-12)
 
 
-def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
-    """Frames in several blocks have the same positions as alone, in both formats."""
-    frames = np.random.default_rng(5).uniform(-90, 90, (4100, 9)).tolist()
-    places = stand(tmp_path, TURNS, *frames)
-    motion = arm_frames(4100)
-    clip = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion)))
-    for index in (0, 4095, 4096, 4099):
-        np.testing.assert_array_equal(places[index], stand(tmp_path, TURNS, frames[index])[0])
-        alone = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion[index : index + 1])))
-        np.testing.assert_array_equal(clip.positions[index], alone.positions[0])
-
-
 def test_roots_without_joints_are_no_body(tmp_path: Path) -> None:
     """A file of such alone is refused in words."""
     alone = "ROOT {}\n{{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}}\n"
@@ -218,16 +206,6 @@ def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
     assert c3d.read_clips(path)[0].skeleton.joints == LABELS
     assert c3d.read_clips(path, joints=("hip*", "knee"))[0].skeleton.joints == ("hip", "knee")
     assert c3d.read_clips(path, joints=("hipAngles", "knee"))[0].skeleton.joints == ("knee", "hipAngles")
-
-
-def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
-    """Where POINT:UNITS is empty the body's size tells millimetres from metres; nothing seen, nothing read."""
-    for scale in (1.0, 0.001):
-        write_c3d(tmp_path / "walk.c3d", LABELS, WALK * scale, unit="")
-        np.testing.assert_allclose(c3d.read_clips(tmp_path / "walk.c3d")[0].positions, WALK / 1000, rtol=1e-5)
-    write_c3d(tmp_path / "walk.c3d", LABELS, np.full_like(WALK, np.nan), unit="")
-    with pytest.raises(ValueError, match="expected 2 markers or more that are seen, got 0 of 3"):
-        c3d.read_clips(tmp_path / "walk.c3d")
 
 
 # --- tables ------------------------------------------------------------------------------------------------------

@@ -248,23 +248,6 @@ def test_without_a_time_it_is_the_arrival(packet: bytes | list[bytes]) -> None:
     assert frame.time == 42.5
 
 
-@pytest.mark.parametrize(
-    ("tags", "numbers"),
-    [("ff" + "f" * 5, [1.0] * 6), ("ii" + "i" * 5, [1] * 6), ("hdhdhdh", [1] * 6), ("dfffiii", [1.0] * 3 + [1] * 3)],
-)
-@pytest.mark.parametrize("performer", ["p", 7])
-def test_any_numbers_will_do(tags: str, numbers: list[float], performer: str | int) -> None:
-    """Time, positions and the performer may be integers, singles or doubles, as patchers mix them."""
-    kind = "i" if isinstance(performer, int) else "s"
-    (frame,) = OscDecoder().decode(message("/motion/frame", kind + tags, performer, 2, *numbers), 0.0, None)
-    assert isinstance(frame, Frame)
-    assert (frame.performer, frame.time) == (str(performer), 2.0)
-    assert np.array_equal(frame.positions, np.ones((2, 3)))
-    assert OscDecoder().decode(message("/motion/skeleton", f"{kind}ss", performer, "a", "b"), 0.0, None) == [
-        Announcement(str(performer), ("a", "b"))
-    ]
-
-
 def test_a_zmq_frame_as_documented() -> None:
     """Three parts: a topic that ends in a slash, JSON, little-endian floats; doubles and fields of others are read."""
     positions = np.random.default_rng(5).normal(size=(3, 3))
@@ -331,15 +314,6 @@ def test_the_last_refusal_names_reason_and_sender(decoder: OscDecoder, packet: b
     (line,) = decoder.refusals.lines()
     assert line.isprintable()
     assert re.match(told, line)
-
-
-def test_in_a_bundle_the_good_is_not_lost_with_the_bad() -> None:
-    """All valid messages of a bundle are used, in order; the others are counted by kind."""
-    good, names = wrong.osc_frame(), message("/motion/skeleton", "sss", "p", "hip", "head")
-    bad, other = wrong.MALFORMED_OSC["no performer"], wrong.FOREIGN_OSC["/"]
-    received = osc.decode(bundle(names, bad, good, other, wrong.MALFORMED_OSC["nothing"], good), 9.0)
-    assert [type(event) for event in received.events] == [Announcement, Frame, Frame]
-    assert (received.malformed, received.foreign) == (2, 1)
 
 
 def test_cut_off_anywhere_a_packet_never_becomes_a_smaller_one() -> None:

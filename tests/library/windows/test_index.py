@@ -147,9 +147,6 @@ def test_large_libraries_are_opened_in_pieces_and_taught_by_some_windows(
     assert _guessed(fewer, some) == [clip.class_name for clip in some]
 
 
-# --- derived indices ---------------------------------------------------------------------------------------------
-
-
 def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> None:
     """Where others teach, every window is the same, added at once or one by one, and derived from the first index."""
     alone = people_index.library.without(actors=("bb",))
@@ -169,6 +166,9 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
     assert len(closer) > len(index)
     for learned in ("comparison", "basis", "rejection"):
         assert getattr(index, learned) is getattr(first, learned)
+
+
+# --- derived indices ---------------------------------------------------------------------------------------------
 
 
 def test_views_by_fewer_joints(people: MotionLibrary) -> None:

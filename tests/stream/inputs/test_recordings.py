@@ -10,11 +10,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from golden import moments
-from programs import ghost_cues
 
-from kinespace.stream import Frame
-from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import kinerec
 from kinespace.stream.inputs.kinerec import (
     RawFile,
@@ -25,7 +21,6 @@ from kinespace.stream.inputs.kinerec import (
     encode_header,
     encode_packet,
 )
-from kinespace.stream.inputs.takes import decoded
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")
 PACKETS = [
@@ -149,28 +144,3 @@ def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch:
     assert (writer.written, writer.failed) == (0, 5)
     assert list(RawFile(path).packets()) == []
     assert RawFile(path).damage() == ""
-
-
-def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
-    """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
-    positions = [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", 2.0)[::4]]
-    packets = [
-        RawPacket(arrival + place * 1e-6, 0, "10.0.0.7:9", (datagram,))
-        for arrival, datagrams in moments("osceleton", positions)
-        for place, datagram in enumerate(datagrams)
-    ]
-    builtin = builtin_preset("osceleton")
-    mine = builtin.text.replace("/joint", "/elsewhere")
-    assert mine != builtin.text
-    sources, path = ["osc here feed osceleton"], tmp_path / "a.kinerec"
-    found = dict[str, int]()
-    for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
-        path.unlink(missing_ok=True)
-        with closing(RawWriter(path, sources, presets)) as writer:
-            for packet in packets:
-                writer.write(packet)
-        recording = RawFile(path)
-        assert recording.header.presets == presets
-        events = decoded(recording.header, recording.packets())
-        found[name] = sum(isinstance(event, Frame) for _, event in events)
-    assert found == {"older": 60, "same": 60, "mine": 0}

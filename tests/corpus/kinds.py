@@ -11,7 +11,7 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 from numpy.typing import NDArray
-from written import MOVES, TURNS, Node, bvh_text
+from written import MOVES, TURNS, Node, bvh_text, trc_text
 
 RATE = 60.0
 NAMES = (
@@ -450,19 +450,10 @@ def trc(
     positions: NDArray[np.float64] = BODY * 1000,
 ) -> str:
     """Give a TRC as OpenSim writes it, empty fields where a position is NaN."""
-    lines = [
-        "PathFileType\t4\t(X/Y/Z)\tme.trc",
-        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-    ]
-    lines += [
-        f"{rate}\t{rate}\t{frames or len(positions)}\t16\t{unit}\t{rate}\t1\t{len(positions)}",
-        "Frame#\tTime\t" + "\t\t\t".join(NAMES) + "\t\t",
-    ]
-    lines += ["\t\t" + "\t".join(f"{axis}{first + index}" for index in range(16) for axis in "XYZ"), ""]
-    for index, frame in enumerate(positions):
-        numbers = ["" if value != value else f"{value:.2f}" for value in frame.ravel().tolist()]  # noqa: PLR0124 - NaN
-        lines.append("\t".join([str(index + 1), f"{index / RATE:.4f}", *numbers]))
-    return "\n".join(lines) + "\n"
+    text, count = trc_text(NAMES, positions.round(2), rate=RATE, unit=unit, first=first), len(positions)
+    return text.replace(f"60.0\t60.0\t{count}\t", f"{rate}\t{rate}\t{frames or count}\t").replace(
+        "\t\t\t\n", "\t\t\n", 1
+    )
 
 
 def _trcs() -> dict[str, Kind]:

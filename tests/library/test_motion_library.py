@@ -43,32 +43,7 @@ def _shuffled(clip: Clip, seed: int = 5, *, parents: bool = True) -> Clip:
     return dataclasses.replace(clip, skeleton=skeleton, positions=clip.positions[:, order])
 
 
-@pytest.fixture(scope="module")
-def builtin() -> MotionLibrary:
-    """Give the built-in library, read anew."""
-    return MotionLibrary.builtin()
-
-
 # --- made of clips -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("rate", "every", "kept"),
-    [
-        *((rate, 1, rate) for rate in (30.0, 59.94, 75.0)),
-        *((2 * kept, 2, kept) for kept in (38.0, 50.0, 59.94, 60.0)),
-        *((240.0, 4, 60.0), (300.0, 4, 75.0), (1000.0, 14, 1000 / 14)),
-    ],
-)
-def test_frame_rates_come_near_60(rate: float, every: int, kept: float) -> None:
-    """Of clips above 75 frames per second every n-th frame is kept, others stay; seconds stay seconds."""
-    clip = dataclasses.replace(stick_clip("wave", frames=280), frame_rate=rate)
-    (motion,) = MotionLibrary.of_clips([clip]).motions
-    assert motion.frame_rate == pytest.approx(kept)
-    np.testing.assert_allclose(motion.positions, clip.positions[::every], atol=0.000501)
-    assert motion.duration == pytest.approx(clip.duration, abs=1 / kept)
-    two = clip.moved_to(clip.positions[: every + 1])
-    assert MotionLibrary.of_clips([two]).motions[0].frames == 2
 
 
 def test_the_order_of_hdm05s_joints_never_matters(builtin: MotionLibrary) -> None:
@@ -195,20 +170,6 @@ def test_a_motion_both_have_is_kept_once(sticks: MotionLibrary) -> None:
     moved[3, 2, 1] += 0.001
     other = MotionLibrary(STICK, (first, first.moved_to(moved), dataclasses.replace(first, take="other")))
     assert len(sticks.merged_with(other)) == 20
-
-
-def test_libraries_are_merged_over_the_joints_that_both_have(builtin: MotionLibrary) -> None:
-    """Libraries merge over their shared joints; in either direction the motions are the same."""
-    small = builtin.without(actors=("bd", "bk", "dg", "mm"))
-    fewer = small.restricted_to(builtin.skeleton.joints[::2])
-    other = MotionLibrary.of_clips([_shuffled(motion) for motion in fewer.motions[::3]])
-    merged = small.merged_with(other)
-    assert merged.skeleton == fewer.skeleton
-    _assert_equal(merged, fewer)
-    again = other.merged_with(small)
-    assert again.skeleton == other.skeleton
-    assert len(again) == len(small)
-    _assert_equal(again.merged_with(merged), again)
 
 
 # --- the built-in library ----------------------------------------------------------------------------------------

@@ -42,12 +42,6 @@ def covariance(rows: Matrix) -> Matrix:
     return np.atleast_2d(np.cov(rows, rowvar=False))
 
 
-def leading_eigenvector(matrix: Matrix) -> tuple[float, Matrix]:
-    """Solve the whole eigenproblem and keep the largest."""
-    values, vectors = np.linalg.eigh(matrix)
-    return float(values[-1]), vectors[:, -1]
-
-
 def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
     """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows.
 
@@ -81,25 +75,13 @@ def allowed(asking: int, actors: Sequence[str], protocol: str) -> list[int]:
     return [] if actors[asking] in library else [other for other in others if actors[other] in library]
 
 
-@dataclass
-class Tally:
-    """The counts of the naive retrieval: motions that asked, right nearest, right among two."""
-
-    asked: int = 0
-    nearest: int = 0
-    two_nearest: int = 0
-
-
-def retrieval(scores: Matrix, classes: Sequence[str], actors: Sequence[str], protocol: str) -> Tally:
-    """Count, motion by motion, whether its nearest and its two nearest are of its class."""
-    tally = Tally()
+def retrieval(scores: Matrix, classes: Sequence[str], actors: Sequence[str], protocol: str) -> list[tuple[bool, bool]]:
+    """Say of each motion that finds others whether the nearest, and one of the two nearest, is of its class."""
+    tally = list[tuple[bool, bool]]()
     for asking, own in enumerate(classes):
         found = [classes[other] for other in neighbours(scores, asking, allowed(asking, actors, protocol))]
-        if not found:
-            continue
-        tally.asked += 1
-        tally.nearest += found[0] == own
-        tally.two_nearest += own in found[:2]
+        if found:
+            tally.append((found[0] == own, own in found[:2]))
     return tally
 
 

@@ -28,13 +28,6 @@ def squares_about_mean(steps: Posture) -> float:
     return sum(length(step, mean) ** 2 for step in steps)
 
 
-def stretched(posture: Posture, parents: Sequence[int]) -> float:
-    """Compare the mean length of the segments with the root mean square of the distances between all joints."""
-    lengths = segment_lengths(posture, parents)
-    between = [length(one, other) for place, one in enumerate(posture) for other in posture[:place]]
-    return sum(lengths) / len(lengths) / math.sqrt(sum(each**2 for each in between) / len(between))
-
-
 def build_and_stretch(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[float], float]:
     """Average the logarithm of each segment's length over postures; and the segments' standard deviations."""
     logs = [[math.log(max(each, 0.01)) for each in segment_lengths(posture, parents)] for posture in postures]

@@ -8,10 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from naive import distance_rows
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, Skeleton
+from kinespace.library import Skeleton
 
 Matrix = NDArray[np.float64]
 
@@ -245,23 +244,6 @@ def frames_within(frames: int, frame_rate: float, start: float, end: float) -> l
 def body_of(skeleton: Skeleton) -> NaiveBody:
     """Give the twin of a skeleton's body."""
     return NaiveBody([(int(a), int(b)) for a, b in skeleton.pairs], skeleton.parents)
-
-
-def window(clip: Clip, end: int, seconds: float) -> tuple[Matrix, Matrix]:
-    """Give the times and distances of the window that ends before a frame, cut off where the clip starts."""
-    frames = [frame for frame in range(end) if (end - 1 - frame) / clip.frame_rate < seconds - 1e-6]
-    pairs = [(int(a), int(b)) for a, b in clip.skeleton.pairs]
-    return clip.times[frames], distance_rows(clip.positions[frames], pairs)
-
-
-def rank_k_product(first: Matrix, second: Matrix) -> float:
-    """Multiply the matrices Σ√λ u uᵀ of two covariances, both divided by their length."""
-    matrices = []
-    for covariance in (first, second):
-        values, vectors = leading(covariance, KEPT)
-        matrix = sum(math.sqrt(max(a, 0.0)) * np.outer(u, u) for a, u in zip(values, vectors, strict=True))
-        matrices.append(over(matrix, math.sqrt(float(np.sum(matrix**2)))))
-    return float(np.sum(matrices[0] * matrices[1]))
 
 
 def logit(  # noqa: PLR0913 - all that a judgement knows

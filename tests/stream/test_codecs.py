@@ -4,7 +4,6 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcom
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import OscDecoder, ZmqDecoder
 from kinespace.stream.inputs.decoder import FeedDecoder
-from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
 from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
@@ -158,6 +156,11 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     )
 
 
+#: Fields whose names and values are those of the JSON.
+_AS_THEY_ARE = ("movement", "share", "gap", "eigenvector_class", "eigenvector_score")
+_OF_PROGRESS = ("phase", "scrub", "speed", "amplitude", "sure", "cycles")
+
+
 @pytest.mark.slow
 @given(recognition=recognitions())
 def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
@@ -181,22 +184,10 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         "scores": {
             name: round(float(score), 6) for name, score in zip(recognition.classes, recognition.scores, strict=True)
         },
-        "movement": recognition.movement,
-        "share": recognition.share,
-        "gap": recognition.gap,
-        "eigenvector_class": recognition.eigenvector_class,
-        "eigenvector_score": recognition.eigenvector_score,
+        **{name: getattr(recognition, name) for name in _AS_THEY_ARE},
         "doubted": [],
         "progress": followed
-        and {
-            "class": followed.class_name,
-            "phase": followed.phase,
-            "scrub": followed.scrub,
-            "speed": followed.speed,
-            "amplitude": followed.amplitude,
-            "sure": followed.sure,
-            "cycles": followed.cycles,
-        },
+        and {"class": followed.class_name, **{name: getattr(followed, name) for name in _OF_PROGRESS}},
     }
     topic, encoded = zeromq.encode_recognition(recognition)
     assert topic == f"class/{recognition.performer}/".encode()
@@ -205,42 +196,19 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     assert list(json.loads(encoded).items()) == list(json.loads(json.dumps(expected)).items())
 
 
+_COUNTS, _MOMENTS = st.integers(0, 2**31 - 1), st.floats(-1e30, 1e30)
+
+
 @given(
-    event=st.builds(
-        Event,
-        _TEXT,
-        st.sampled_from(EventKind),
-        _TEXT,
-        st.integers(0, 2**31 - 1),
-        st.floats(0, 1),
-        st.floats(-1e30, 1e30),
-    ),
-    since=st.floats(-1e30, 1e30),
+    event=st.builds(Event, _TEXT, st.sampled_from(EventKind), _TEXT, _COUNTS, st.floats(0, 1), _MOMENTS),
+    done=st.builds(Done, _TEXT, _TEXT, _COUNTS, _MOMENTS, *[st.floats(0, 100)] * 4, _COUNTS),
+    since=_MOMENTS,
 )
-def test_an_event_is_byte_for_byte_python_oscs(event: Event, since: float) -> None:
-    """The packet of any event equals python-osc's."""
+def test_what_happened_is_byte_for_byte_python_oscs(event: Event, done: Done, since: float) -> None:
+    """The packets of any event, and of any motion that was done, equal python-osc's."""
     arguments = [("s", str(event.kind)), ("s", event.label), ("i", event.index), ("f", event.score)]
     address = f"/motion/{osc.address_part(event.performer)}/event"
     assert osc_answers.encode_event(event, since) == by_python_osc(address, *arguments, ("f", event.time - since))
-
-
-@given(
-    done=st.builds(
-        Done,
-        performer=_TEXT,
-        label=_TEXT,
-        index=st.integers(0, 2**31 - 1),
-        start=st.floats(-1e30, 1e30),
-        duration=st.floats(0, 100),
-        score=st.floats(0, 1),
-        speed=st.floats(0, 10),
-        amplitude=st.floats(0, 10),
-        count=st.integers(0, 2**31 - 1),
-    ),
-    since=st.floats(-1e30, 1e30),
-)
-def test_a_motion_done_is_byte_for_byte_python_oscs(done: Done, since: float) -> None:
-    """The packet of any motion that was done equals python-osc's."""
     numbers = done.start - since, done.duration, done.score, done.speed, done.amplitude
     arguments = [("s", done.label), ("i", done.index), ("i", done.count), *(("f", each) for each in numbers)]
     address = f"/motion/{osc.address_part(done.performer)}/done"
@@ -262,27 +230,6 @@ def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None
     assert (header.carried, header.pairs) == (carried if fits and carried else (None, None))
 
 
-@given(
-    packets=st.lists(
-        st.builds(
-            RawPacket,
-            arrival=st.floats(-4e9, 4e9),
-            source=st.integers(0, 1),
-            sender=st.text(st.characters(exclude_categories=["Cs"]), max_size=20),
-            parts=st.lists(st.binary(max_size=60), max_size=4).map(tuple),
-        ),
-        max_size=8,
-    )
-)
-def test_recorded_packets_are_read_back(tmp_path_factory: pytest.TempPathFactory, packets: list[RawPacket]) -> None:
-    """Packets of any content are read as they were written, every time the file is gone through."""
-    path: Path = tmp_path_factory.getbasetemp() / "packets.kinerec"
-    path.write_bytes(encode_header(RawHeader("now", ("a", "b"))) + b"".join(map(encode_packet, packets)))
-    recording = RawFile(path)
-    assert [list(recording.packets()), list(recording.packets())] == [packets, packets]
-    assert (recording.lost_from, recording.damage()) == (None, "")
-
-
 # --- what else may be said ---------------------------------------------------------------------------------------
 
 
@@ -299,23 +246,6 @@ def test_without_a_time_it_is_the_arrival(packet: bytes | list[bytes]) -> None:
     """A frame whose time is 0 or missing gets its arrival as time, in any kind of packet."""
     (frame,) = (OscDecoder if isinstance(packet, bytes) else ZmqDecoder)().decode(packet, 42.5, None)
     assert frame.time == 42.5
-
-
-@pytest.mark.parametrize(
-    ("tags", "numbers"),
-    [("ff" + "f" * 5, [1.0] * 6), ("ii" + "i" * 5, [1] * 6), ("hdhdhdh", [1] * 6), ("dfffiii", [1.0] * 3 + [1] * 3)],
-)
-@pytest.mark.parametrize("performer", ["p", 7])
-def test_any_numbers_will_do(tags: str, numbers: list[float], performer: str | int) -> None:
-    """Time, positions and the performer may be integers, singles or doubles, as patchers mix them."""
-    kind = "i" if isinstance(performer, int) else "s"
-    (frame,) = OscDecoder().decode(message("/motion/frame", kind + tags, performer, 2, *numbers), 0.0, None)
-    assert isinstance(frame, Frame)
-    assert (frame.performer, frame.time) == (str(performer), 2.0)
-    assert np.array_equal(frame.positions, np.ones((2, 3)))
-    assert OscDecoder().decode(message("/motion/skeleton", f"{kind}ss", performer, "a", "b"), 0.0, None) == [
-        Announcement(str(performer), ("a", "b"))
-    ]
 
 
 def test_a_zmq_frame_as_documented() -> None:
@@ -384,15 +314,6 @@ def test_the_last_refusal_names_reason_and_sender(decoder: OscDecoder, packet: b
     (line,) = decoder.refusals.lines()
     assert line.isprintable()
     assert re.match(told, line)
-
-
-def test_in_a_bundle_the_good_is_not_lost_with_the_bad() -> None:
-    """All valid messages of a bundle are used, in order; the others are counted by kind."""
-    good, names = wrong.osc_frame(), message("/motion/skeleton", "sss", "p", "hip", "head")
-    bad, other = wrong.MALFORMED_OSC["no performer"], wrong.FOREIGN_OSC["/"]
-    received = osc.decode(bundle(names, bad, good, other, wrong.MALFORMED_OSC["nothing"], good), 9.0)
-    assert [type(event) for event in received.events] == [Announcement, Frame, Frame]
-    assert (received.malformed, received.foreign) == (2, 1)
 
 
 def test_cut_off_anywhere_a_packet_never_becomes_a_smaller_one() -> None:

@@ -24,21 +24,6 @@ def _positions(joints: int = 4, dtype: type = np.float64) -> np.ndarray:
     return np.random.default_rng(3).normal(size=(joints, 3)).astype(dtype)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize(
-    "values",
-    [(np.inf, -np.inf), (np.nan, np.inf), (3e38, 3e38), (3e38, -3e38), (1e155, 0.0), (-1e200, 1.7e308)],
-    ids=["infinities", "both", "sum", "0", "overflow", "far"],
-)
-def test_bad_numbers_do_not_cancel(dtype: type, values: tuple[float, float]) -> None:
-    """Two bad numbers are refused like one, with any sum, also doubles whose squares overflow."""
-    positions = _positions(dtype=dtype)
-    with np.errstate(over="ignore"):
-        positions[0, 0], positions[2, 1] = values
-    with pytest.raises(ValueError, match="positions"):
-        Frame("p", 1.0, positions)
-
-
 @given(dtype=TYPES, place=st.integers(0, 11))
 def test_a_lost_joint_is_no_bad_frame(dtype: type, place: int) -> None:
     """A joint with a NaN among its numbers is lost; a frame in which all are is refused."""
@@ -99,17 +84,6 @@ def test_without_a_name_the_label_says_why(outcome: Outcome) -> None:
     assert nameless.label == outcome.value
     assert type(nameless.label) is str
     assert (nameless.best, nameless.score, nameless.second_index, nameless.margin) == (1, 0.75, 2, 0.25)
-
-
-@given(scores=st.lists(st.floats(0.0, 1.0, width=32), min_size=2, max_size=20))
-def test_the_margin_is_that_of_the_two_best(scores: list[float]) -> None:
-    """For any scores the best is a highest one, the second another class, and the margin their difference."""
-    classes = tuple(f"class{index}" for index in range(len(scores)))
-    answer = dataclasses.replace(NAMED, classes=classes, scores=np.array(scores))
-    second, best = sorted(scores)[-2:]
-    assert answer.score == best
-    assert answer.margin == best - second
-    assert scores[answer.second_index] == second
 
 
 # --- status -----------------------------------------------------------------------------------------------------------

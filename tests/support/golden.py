@@ -8,13 +8,14 @@ them.
 import json
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import builtin_preset
 
 Places = Mapping[str, NDArray[np.floating]]
@@ -393,3 +394,13 @@ LAYOUTS: dict[str, tuple[str, Layout]] = {
     "touchdesigner": ("touchdesigner", lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))]),
     "touchdesigner loose": ("touchdesigner", touchdesigner),
 }
+
+
+def moments(
+    layout: str, positions: Iterable[NDArray[np.floating]], rate: float = 30.0, begin: float = 1.0
+) -> Iterator[tuple[float, list[bytes]]]:
+    """Show a body of HDM05's joints as a product does: the time of each frame, and its datagrams."""
+    for number, joints in enumerate(positions):
+        time = begin + number / rate
+        places = dict(zip(SKELETON.joints, joints, strict=True))
+        yield time, LAYOUTS[layout][1](Moment(places, time, number))

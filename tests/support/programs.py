@@ -9,10 +9,11 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import cache, partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ PATIENCE = 90.0
 #: Warnings are errors in the children too; a child reports a leaked socket on its standard error.
 _COMMAND = (sys.executable, "-W", "error", "-m", "kinespace")
 _POLL = 0.01
+_Reached = TypeVar("_Reached")
 
 
 class Program:
@@ -68,13 +70,6 @@ class Program:
             assert not ended, f"ended with {self.process.returncode} before {pattern!r}: {self.output}{self.errors}"
             time.sleep(_POLL)
         raise AssertionError(f"no {pattern!r} in time: {self.output}{self.errors}")
-
-    def found(self, pattern: str, seconds: float = PATIENCE) -> bool:
-        """Wait until the output matches, the program ends, or so many seconds are over; say whether it matches."""
-        until = time.monotonic() + seconds
-        while self.process.poll() is None and time.monotonic() < until and not re.search(pattern, self.output):
-            time.sleep(_POLL)
-        return bool(re.search(pattern, self.output))
 
     def wait(self) -> int:
         """Wait until the program ends by itself; give its exit status."""
@@ -110,6 +105,15 @@ def finished(*arguments: object) -> tuple[int, str, str]:
     """Run `kinespace` to its end: exit status, standard output, standard error."""
     with started(*arguments) as program:
         return program.wait(), program.output, program.errors
+
+
+def until(reached: Callable[[], _Reached]) -> _Reached:
+    """Ask until something is reached; give it."""
+    end = time.monotonic() + PATIENCE
+    while not (found := reached()):
+        assert time.monotonic() < end
+        time.sleep(_POLL)
+    return found
 
 
 def free_udp_port() -> int:

@@ -53,11 +53,11 @@ def bvh_text(root: Node, frames: Sequence[Sequence[float]], period: str = "0.01"
 
 
 def trc_text(
-    labels: Sequence[str], positions: NDArray[np.float64], *, rate: float = 100.0, unit: str = "mm", missing: str = ""
+    labels: Sequence[str], positions: NDArray[np.float64], *, rate: float = 100.0, unit: str = "mm", first: int = 1
 ) -> str:
-    """Give a TRC's text: positions (frames, markers, 3) in its unit, NaN as `missing` fields."""
+    """Give a TRC's text: positions (frames, markers, 3) in its unit, NaN as empty fields; markers from `first` on."""
     heads = "".join(f"{label}\t\t\t" for label in labels)
-    axes = "\t".join(f"X{n}\tY{n}\tZ{n}" for n in range(1, len(labels) + 1))
+    axes = "\t".join(f"X{n}\tY{n}\tZ{n}" for n in range(first, first + len(labels)))
     lines = [
         "PathFileType\t4\t(X/Y/Z)\ttest.trc",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
@@ -67,7 +67,7 @@ def trc_text(
         "",
     ]
     for number, frame in enumerate(positions, start=1):
-        fields = [missing if np.isnan(value) else repr(float(value)) for value in frame.ravel()]
+        fields = ["" if np.isnan(value) else repr(float(value)) for value in frame.ravel()]
         lines.append("\t".join([str(number), repr(number / rate), *fields]))
     return "\n".join(lines) + "\n"
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from skeletons import KNOWN, names_of
 
@@ -126,16 +125,6 @@ def test_names_are_found(skeleton: str) -> None:
     assert sum(joint in OURS for joint in named.joints) == known["ours"]
     assert len(set(named.joints)) == len(labels)
     assert {label: named.joints[labels.index(label)] for label in known["some"]} == known["some"]
-
-
-@EVERY
-def test_names_that_were_read_are_not_read_again(skeleton: str) -> None:
-    """A file that was renamed keeps its names, whichever of its joints are there."""
-    labels, generator = names_of(skeleton), np.random.default_rng(3)
-    for share in (1.0, 0.5):
-        some = [label for label in labels if generator.random() < share]
-        named = Naming().read(some)
-        assert Naming().read(named.joints).joints == named.joints
 
 
 def test_a_limb_without_names_names_the_labels() -> None:

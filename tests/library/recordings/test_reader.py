@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames
+from synthetic import ARM, amc_text, arm_frames
 
 from kinespace.library import LibraryFileError, MotionLibrary
 from kinespace.library.recordings import (
-    Reading,
     RecordingError,
     RecordingReader,
     clips_of,
@@ -87,20 +86,6 @@ def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setattr(acclaim, "read_asf", noting)
     assert len(list(read_recordings([*paths, *paths]))) == 6
     assert read == [tmp_path / "one" / "arm.asf", tmp_path / "two" / "arm.asf"]
-
-
-def test_a_given_skeleton_is_used_before_a_found_one(tmp_path: Path) -> None:
-    """A skeleton given by hand is used for every motion, with or without a skeleton of its own."""
-    (path,) = _write_arm(tmp_path, "arm_1.amc")
-    longer = TinyBody(tuple(TinyBone(bone.name, bone.parent, length=9.0, dof=bone.dof) for bone in ARM.bones))
-    given = tmp_path / "longer.asf"
-    given.write_text(longer.asf())
-    nameless = tmp_path / "nameless.amc"
-    nameless.write_text(path.read_text())
-    for clip in read_recordings([path, nameless], Reading(asf=given)):
-        assert np.linalg.norm(clip.positions[0, 1] - clip.positions[0, 0]) == pytest.approx(9.0)
-    (own,) = read_recordings([path])
-    assert np.linalg.norm(own.positions[0, 1] - own.positions[0, 0]) == pytest.approx(1.0)
 
 
 def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:

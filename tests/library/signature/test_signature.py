@@ -3,20 +3,16 @@
 import math
 
 import naive
-import naive_windows
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from naive_windows import body_of, rank_k_product
 from numpy.typing import NDArray
 
-from kinespace.library import MotionLibrary, WindowIndex, distance_rows, signature_of, similarity
+from kinespace.library import MotionLibrary, WindowIndex, signature_of, similarity
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
-from kinespace.library.signature.parts import Eigenpairs, eigen, flattened
-from kinespace.library.windows.cutting import eigenpairs_of
 from kinespace.stream.feeds import builtin_preset
 
 # --- basis ------------------------------------------------------------------------------------------------------------
@@ -24,12 +20,6 @@ from kinespace.stream.feeds import builtin_preset
 
 #: The rounding of single precision, in which a basis is kept, in sums of some hundred numbers.
 SINGLE = 1e-6
-
-
-@pytest.fixture(scope="module")
-def rows(builtin: MotionLibrary) -> list[NDArray[np.float64]]:
-    """Give distance rows of three motions."""
-    return [distance_rows(motion.positions, builtin.skeleton) for motion in builtin.motions[:200:70]]
 
 
 @pytest.fixture(scope="module")
@@ -51,18 +41,6 @@ def test_the_builtin_basis_holds_nearly_all_movement(builtin_index: WindowIndex)
     assert moving.sum() <= len(basis.weights) - len(segments)
 
 
-def test_all_pairs_and_classes_count_alike(rows: list[NDArray[np.float64]], body: Body) -> None:
-    """The variance of each moving distance, relative to the body, times its weight is 1, mean over classes."""
-    basis = Basis.learned([rows[:1], rows[1:]], body)
-    relative = [np.var(each / body.size(each.mean(axis=0)), axis=0) for each in rows]
-    by_class = [relative[0], (relative[1] + relative[2]) / 2]
-    moving = basis.weights > 0
-    assert np.allclose((np.mean(by_class, axis=0) * basis.weights**2)[moving], 1.0, rtol=1e-3)
-    assert np.array_equal(moving, np.mean(by_class, axis=0) > 1e-3 * np.mean(by_class))
-    once, often = (Basis.learned([[rows[0]] * times, rows[1:2]], body) for times in (1, 4))
-    assert np.allclose(once.weights, often.weights, rtol=1e-4)
-
-
 def test_few_moving_pairs_make_few_directions(body: Body) -> None:
     """Two distances that vary give two directions, which hold all movement; none that vary give none."""
     still = np.ones((50, len(body.sizing)))
@@ -79,31 +57,10 @@ def test_few_moving_pairs_make_few_directions(body: Body) -> None:
 # --- body -------------------------------------------------------------------------------------------------------------
 
 
-def test_size_and_lengths_of_a_real_body(builtin: MotionLibrary) -> None:
-    """They equal the twin's, which walks from joint to joint; no distance is longer than the segments between."""
-    body, twin = Body.of(builtin.skeleton), body_of(builtin.skeleton)
-    rows = distance_rows(builtin.motions[0].positions[:20], builtin.skeleton)
-    assert np.allclose(body.size(rows), [twin.size(row) for row in rows])
-    assert np.allclose(body.lengths(rows), [twin.lengths(row) for row in rows])
-    assert (rows <= body.lengths(rows) + 1e-9).all()
-
-
 # --- leading ----------------------------------------------------------------------------------------------------------
 
 
 SEEDS = st.integers(0, 2**32 - 1)
-
-
-@given(st.integers(2, 40), st.integers(1, 12), SEEDS)
-def test_the_signature_is_the_leading_eigenvector(frames: int, numbers: int, seed: int) -> None:
-    """Of any rows, more or fewer than numbers, the axis is numpy's, of length 1, whatever its sign."""
-    generator = np.random.default_rng(seed)
-    rows = 5.0 + generator.normal(size=(frames, numbers)) * 2.0 ** -np.arange(numbers)
-    axis = signature_of(rows)
-    value, _ = naive.leading_eigenvector(naive.covariance(rows))
-    assert axis.shape == (numbers,)
-    assert np.linalg.norm(axis) == pytest.approx(1.0)
-    assert axis @ naive.covariance(rows) @ axis == pytest.approx(value)
 
 
 @pytest.mark.parametrize("frames", [2, 10])
@@ -127,31 +84,6 @@ def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def covariances() -> NDArray[np.float64]:
-    """Give the covariances of three windows of five directions, the last one without movement."""
-    points = np.random.default_rng(5).normal(size=(2, 20, 5)) * [3.0, 2.0, 1.0, 0.5, 0.1]
-    return np.array([*(naive_windows.covariance(each) for each in points), np.zeros((5, 5))])
-
-
-def test_products_of_scaled_eigenvectors(covariances: NDArray[np.float64]) -> None:
-    """Their squares, and products of the flattened matrices, are the rank-k matrices' products, whatever the signs."""
-    pairs = eigenpairs_of(covariances)
-    scaled, flat = eigen(pairs), flattened(eigen(pairs))
-    expected = rank_k_product(covariances[0], covariances[1])
-    assert 0.0 < expected < 1.0
-    assert flat.shape == (3, 15)
-    assert np.square(scaled[0] @ scaled[1].T).sum() == pytest.approx(expected)
-    assert flat[0] @ flat[1] == pytest.approx(expected)
-    assert np.square(scaled[0] @ scaled[0].T).sum() == pytest.approx(1.0)
-    assert not scaled[2].any()
-    turned = Eigenpairs(pairs.values, pairs.vectors * np.array([1, -1, -1, 1])[:, None])
-    assert np.allclose(flattened(eigen(turned)), flat)
-    # Rounding makes the values of a window that hardly moves negative.
-    below = eigen(Eigenpairs(np.array([[2.0, -1e-17]]), np.eye(2)[None]))
-    assert below.tolist() == [[[1.0, 0.0], [0.0, 0.0]]]
 
 
 _SENT = builtin_preset("mediapipe").sent

@@ -1,24 +1,20 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import naive_windows
 import numpy as np
 import pytest
-from naive import score
-from naive_windows import body_of, nearest, window
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
-from kinespace.library.signature.parts import PARTS, Kind, Part, Signature
-from kinespace.library.windows.comparison import FIRST_WINDOW, by_paper
-from kinespace.library.windows.cutting import CutWindows, Measured, window_ends
+from kinespace.library.signature.parts import Part, Signature
+from kinespace.library.windows.comparison import FIRST_WINDOW
+from kinespace.library.windows.cutting import CutWindows, window_ends
 from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.arguments import joints_of
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-SECONDS = 1.0
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +74,6 @@ def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
     return [index.classes[int(each.argmin())] for each in means]
 
 
-def _whose(index: WindowIndex) -> list[tuple[str, str]]:
-    return [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
-
-
 def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
     """Demand the same windows, but for one step of half precision: processors sum in different orders."""
     assert index.motions.tolist() == other.motions.tolist()
@@ -100,41 +92,6 @@ def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ..
         for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
             expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
             assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
-
-
-def test_scores_by_brute_force(small_library: MotionLibrary, index: WindowIndex, arithmetic: str) -> None:
-    """A class has its largest |inner product| with eigenvectors; by the paper its best two people are compared."""
-    paper = WindowIndex.of(small_library, weighing=by_paper(SECONDS))
-    assert len(paper.library.actors) > 2
-    for compared in (index, paper):
-        classes, people = zip(*_whose(compared), strict=True)
-        [numbers, *_] = _numbers(compared, compared.library.motions[0])
-        for place in (0, 40, len(compared) - 1):
-            for sign in (1.0, -1.0):
-                vector = sign * compared.eigenvectors[place]
-                found = compared.distances(_shown(compared, numbers, vector))
-                products = [-score(vector, each) for each in compared.eigenvectors]
-                twin = nearest(products, classes, [""] * len(products))
-                assert tuple(twin) == compared.classes
-                assert found.scores == pytest.approx([-each for each in twin.values()], abs=1e-3), arithmetic
-                if compared is paper:
-                    agreed = list(nearest(products, classes, people).values())
-                    assert found.logs[0] == pytest.approx(agreed, abs=1e-3), arithmetic
-
-
-def test_a_window_asks_the_others_as_a_live_one_does(index: WindowIndex) -> None:
-    """Without its own person it is as far as from an index without; a class without windows is infinitely far."""
-    motions, place = index.library.motions, len(index) // 2
-    own = motions[index.motions[place]]
-    gone = [each for each, motion in enumerate(motions) if motion.actor == own.actor]
-    fewer = index.without(gone)
-    # The library's windows are measured at 30 frames a second.
-    [*_, numbers] = _numbers(index, replace(own, positions=own.positions[::2], frame_rate=30.0))
-    last = np.flatnonzero(index.motions == index.motions[place])[-1]
-    found = index.asked_by(int(last), np.isin(index.motions, gone))
-    assert np.allclose(found, _logs(fewer, numbers), atol=5e-3)
-    left_out = np.array([name == "squat1Reps" for name, _ in _whose(index)])
-    assert np.isinf(index.asked_by(0, left_out)).any(axis=0).tolist() == [False, False, True]
 
 
 # --- kinds of libraries ------------------------------------------------------------------------------------------
@@ -190,9 +147,6 @@ def test_large_libraries_are_opened_in_pieces_and_taught_by_some_windows(
     assert _guessed(fewer, some) == [clip.class_name for clip in some]
 
 
-# --- derived indices ---------------------------------------------------------------------------------------------
-
-
 def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> None:
     """Where others teach, every window is the same, added at once or one by one, and derived from the first index."""
     alone = people_index.library.without(actors=("bb",))
@@ -214,21 +168,7 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
         assert getattr(index, learned) is getattr(first, learned)
 
 
-def test_some_motions_and_the_others_are_all(people_index: WindowIndex) -> None:
-    """Every window is of one of the two; what is left keeps its distances; a class without motions is gone."""
-    motions = people_index.library.motions
-    some = [place for place, motion in enumerate(motions) if motion.class_name == "jump"]
-    own, others = people_index.of_some([*some, some[0]]), people_index.without(some)
-    assert own.library.motions == tuple(motions[place] for place in some)
-    assert set(own.motions) == set(range(len(some)))
-    assert len(own) + len(others) == len(people_index)
-    assert (own.classes, others.classes) == (("jump",), ("bow", "wave"))
-    numbers = _numbers(people_index, stick_clip("wave", seed=70, frames=240))[-1]
-    whole = _logs(people_index, numbers)
-    assert np.allclose(_logs(own, numbers), whole[:, [1]])
-    assert np.allclose(_logs(others, numbers), whole[:, [0, 2]])
-    kept = replace(people_index, judged_by=people_index.rejection)
-    assert kept.of_some(some).rejection is people_index.rejection is not kept.of_some(some, learns=True).rejection
+# --- derived indices ---------------------------------------------------------------------------------------------
 
 
 def test_views_by_fewer_joints(people: MotionLibrary) -> None:
@@ -276,14 +216,6 @@ def test_phases_of_classes_that_stay_are_not_computed_again(people_index: Window
     assert NOTHING not in people_index.with_motions([replace(clip, class_name=NOTHING)]).phases.classes
 
 
-def test_windows_lie_closer_in_a_library_of_one_person(people: MotionLibrary) -> None:
-    """A window is kept every 0.4 seconds, and every tenth of a second where one person's motions are all there are."""
-    for library, every in ((people, 0.4), (people.without(actors=("aa", "bb")), 0.1)):
-        windows = Measured.of(library, every)
-        assert WindowIndex.of(library, people).motions.tolist() == windows.motions.tolist()
-        assert len(windows.motions) == sum(map(len, windows.ends))
-
-
 @pytest.fixture(scope="module")
 def clip(builtin: MotionLibrary) -> Clip:
     """Give the longest motion, at 30 frames a second: it is longer than every window."""
@@ -306,25 +238,3 @@ def test_the_shortest_motion_with_a_window(clip: Clip) -> None:
         cut = replace(clip.moved_to(clip.positions[:frames]), frame_rate=float(rate))
         assert (cut.duration >= FIRST_WINDOW) == (frames != 4)
         assert window_ends(cut, 0.4, first=1.0).tolist() == ends
-
-
-@pytest.mark.slow
-def test_numbers_by_definition(clip: Clip, builtin_index: WindowIndex, arithmetic: str) -> None:
-    """Every part of some windows of two motions equals its twin, read off the window's own frames."""
-    clips = [clip, clip.moved_to(clip.positions[40:53])]
-    ends = [window_ends(each, 0.4)[-9:] for each in clips]
-    body, directions = body_of(clip.skeleton), builtin_index.basis.directions
-    cut = CutWindows(clips, ends, builtin_index.body, builtin_index.basis)
-    numbers, place = cut.numbers, 0
-    for motion, own in zip(clips, ends, strict=True):
-        for end in own:
-            for part in PARTS:
-                times, rows = window(motion, end, part.seconds)
-                twin = naive_windows.numbers_of([part], times[-1], times, rows, directions, body)[part]
-                found = numbers[part][place]
-                ours = found.T @ found if part.kind is Kind.EIGEN else found
-                assert np.allclose(ours, twin, atol=1e-7), (arithmetic, part)
-            vectors = naive_windows.leading(naive_windows.covariance(window(motion, end, 2.0)[1] @ directions))[1]
-            assert np.abs(cut.leading[place] @ vectors[0]) == pytest.approx(1.0)
-            place += 1
-    assert {len(each) for each in numbers.values()} == {place}

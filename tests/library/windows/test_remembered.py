@@ -3,36 +3,24 @@
 import hashlib
 import io
 import os
-from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from kinespace.library import Clip, MotionLibrary, WindowIndex
+from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.windows import index, remembered
 
 pytestmark = pytest.mark.slow
 SIXTEEN = MotionLibrary.builtin().skeleton.joints[:16]
 
 
-@pytest.fixture(scope="module")
-def some() -> MotionLibrary:
-    """Give four motions of each class, which open fast."""
-    builtin, kept = MotionLibrary.builtin(), defaultdict[str, list[Clip]](list)
-    for motion in builtin.motions:
-        kept[motion.class_name].append(motion)
-    motions = tuple(motion for name in builtin.classes for motion in kept[name][:4])
-    return replace(builtin, motions=motions)
-
-
 @pytest.fixture
-def folder(tmp_path: Path, some: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def folder(tmp_path: Path, small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Use a cache of this test's own, and some motions in the built-in library's place."""
     monkeypatch.setattr(remembered, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(MotionLibrary, "builtin", lambda: some)
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: small_library)
     yield tmp_path / "windows"
     monkeypatch.undo()
     index.opened.cache_clear()
@@ -121,7 +109,7 @@ def test_nothing_but_our_own_files_is_deleted(folder: Path, tmp_path: Path, is_l
 def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
     """A library of other motions writes nothing."""
     builtin = MotionLibrary.builtin()
-    others = MotionLibrary(builtin.skeleton, builtin.motions[:24])
+    others = MotionLibrary(builtin.skeleton, builtin.motions[:12])
     assert index.opened(others).library is others
     assert not folder.exists()
 
@@ -131,7 +119,7 @@ def test_another_library_in_the_builtin_ones_place_has_a_file_of_its_own(
 ) -> None:
     """The key names the motions: what a test or a fork puts there is never taken for the real windows."""
     real, builtin = len(_opened()), MotionLibrary.builtin()
-    other = MotionLibrary(builtin.skeleton, builtin.motions[:24])
+    other = MotionLibrary(builtin.skeleton, builtin.motions[:12])
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: other)
     assert len(_opened()) < real
     assert len(list(folder.iterdir())) == 2

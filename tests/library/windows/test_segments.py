@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive_bodies import build_and_stretch, segment_lengths, stretched, unlike
+from naive_bodies import build_and_stretch, unlike
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.windows.segments import (
@@ -19,28 +19,6 @@ from kinespace.library.windows.segments import (
     shares_of_size,
 )
 from kinespace.tools.feeding.feed import resampled
-
-
-def test_lengths_equal_the_slow_twins(small_index: WindowIndex) -> None:
-    """Every segment's length and change, and how stretched a body is, are those that the twin finds."""
-    body, motions = small_index.segments, small_index.library.motions
-    some, parents = motions[3].positions[:5], small_index.library.skeleton.parents
-    for found, frame in zip(body.lengths(some), some.tolist(), strict=True):
-        assert found == pytest.approx(segment_lengths(frame, parents))
-    assert shares_of_size(some, body.segments) == pytest.approx([stretched(frame, parents) for frame in some.tolist()])
-    lengths = [body.lengths(motion.positions[::4]) for motion in motions]
-    assert body.mean == pytest.approx(np.concatenate(lengths).mean(axis=0))
-    assert body.spread == pytest.approx(np.max([np.ptp(each, axis=0) for each in lengths], axis=0))
-    assert body.disorder == DISORDER
-    other_side = mirrored_places(small_index.library.skeleton.joints)
-    assert other_side is not None
-    aside = (other_side[body.segments] != body.segments).all(axis=1)
-    assert body.crossing.tolist() == np.flatnonzero(aside).tolist() != []
-    for first, other in zip(body.crossing, body.crossing[body.partner], strict=True):
-        assert np.array_equal(other_side[body.segments[first]], body.segments[other])
-    crossed = body.ends[len(body.children) :]
-    assert np.array_equal(crossed[:, 1], body.segments[body.crossing, 1])
-    assert np.array_equal(crossed[:, 0], body.segments[body.crossing[body.partner], 0])
 
 
 def test_a_library_of_stretched_bodies_is_in_order(sticks: MotionLibrary) -> None:

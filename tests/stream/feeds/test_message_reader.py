@@ -6,15 +6,13 @@ from pathlib import Path
 
 import pytest
 from golden import bundle, message
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import Mapper, PresetError, builtin_names, builtin_preset, load_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 from kinespace.stream.feeds.message_reader import MessageError, Reading
-from kinespace.stream.feeds.preset import Closing, Means, parse_preset
-from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens, unpack_zigsim
+from kinespace.stream.feeds.preset import Closing, parse_preset
+from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens
 from kinespace.stream.inputs.decoder import MAX_SENDERS, STEADY, FeedDecoder, SenderNumbers
 from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
@@ -104,41 +102,12 @@ def test_a_mistake_is_one_line(old: str, new: str) -> None:
     assert ", got " in told
 
 
-def refusal(text: str) -> str:
-    """Give the reason why a preset is refused; empty when it is not."""
-    try:
-        parse_preset(text, "mine", "mine.toml")
-    except PresetError as error:
-        return str(error)
-    return ""
-
-
-@given(st.sampled_from(GOOD.split("\n")[1:]), st.text(max_size=30))
-def test_no_text_raises_anything_else(line: str, put: str) -> None:
-    """With any text in place of a line, a preset is read or raises one PresetError of one line."""
-    told = refusal(GOOD.replace(line, put))
-    assert told == "" or told.startswith("mine.toml: ")
-    assert "\n" not in told
-
-
 def read(target: Mapper, packet: bytes) -> Reading:
     """Read one message that is understood."""
     (decoded,) = decode_packet(packet)
     reading = target.read(decoded)
     assert reading is not None
     return reading
-
-
-def test_numbers_of_joints_are_taught_by_the_sender() -> None:
-    """A number is the preset's joint at that place until the sender gives it a name; each performer's own."""
-    target = Mapper(builtin_preset("natnetthree2osc"))
-    place = message("/skeleton/1/bone/5/position", "fff", 1.0, 2.0, 3.0)
-    assert read(target, place).sightings[0].joint == "Head"
-    taught = read(target, message("/motive/skeleton/id/bone", "iis", 1, 5, "LHand"))
-    assert taught.means is Means.NAME
-    assert read(target, place).sightings[0].joint == "LHand"
-    other = message("/skeleton/2/bone/5/position", "fff", 1.0, 2.0, 3.0)
-    assert read(target, other).sightings[0].joint == "Head"
 
 
 def test_more_joints_than_names_are_refused() -> None:
@@ -232,16 +201,6 @@ def test_numbers_that_did_not_change_are_kept() -> None:
         [],
         [Message("/p1/a", [7.0, 6.0, 1.0])],
     ]
-
-
-@pytest.mark.parametrize("place", ["[1,2,3]", '{"x":1,"y":2,"z":3}', "null"])
-def test_places_in_json_have_several_forms(place: str) -> None:
-    """ZIG SIM's and Rokoko's places are read as lists, as objects, and as joints that are lost."""
-    expected = [None] * 3 if place == "null" else [1.0, 2.0, 3.0]
-    packet = '{"sensordata":{"bodyTracking":{"head":PLACE}},"device":{"name":"太郎のiPhone"}}'.replace("PLACE", place)
-    assert unpack_zigsim(packet.encode()) == [Message("/zigsim/太郎のiPhone/head", expected)]
-    packet = '{"scene":{"actors":[{"name":"Ann/1","body":{"hip":{"position":PLACE}}}]}}'.replace("PLACE", place)
-    assert unpack_rokoko(packet.encode()) == [Message("/rokoko/Ann%2F1/hip", expected)]
 
 
 def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:

@@ -51,16 +51,6 @@ def test_a_performer_belongs_to_the_first_sender_until_it_is_silent() -> None:
     assert said(admission.admit([frame(11.0)], 12.0, EVE)) == [NewSender("ann"), 11.0]
 
 
-def test_a_program_may_send_each_packet_from_another_port() -> None:
-    """Ports that never come back are one program; two that take turns are two, and the first is used."""
-    admission = Admission()
-    for step in range(100):
-        assert admission.admit([frame(step / 10)], step / 10, ("10.0.0.5", 5000 + step))
-    admission = Admission()
-    let_in = [bool(admission.admit([frame(step / 10)], step / 10, ("10.0.0.5", step % 2))) for step in range(100)]
-    assert let_in[2:] == [True, False] * 49
-
-
 def test_another_program_of_the_same_host_is_refused() -> None:
     """Packets of another program of the same host are refused at once; after a new beginning the first is let in."""
     admission = Admission()

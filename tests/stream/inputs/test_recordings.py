@@ -10,12 +10,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from golden import LAYOUTS, Moment
-from programs import ghost_cues
 
-from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Frame
-from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import kinerec
 from kinespace.stream.inputs.kinerec import (
     RawFile,
@@ -26,7 +21,6 @@ from kinespace.stream.inputs.kinerec import (
     encode_header,
     encode_packet,
 )
-from kinespace.stream.inputs.takes import decoded
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")
 PACKETS = [
@@ -150,34 +144,3 @@ def test_packets_that_cannot_be_written_are_counted(tmp_path: Path, monkeypatch:
     assert (writer.written, writer.failed) == (0, 5)
     assert list(RawFile(path).packets()) == []
     assert RawFile(path).damage() == ""
-
-
-def packets_of(layout: str) -> list[tuple[bytes, float]]:
-    """Send a ghost as a product would, at 30 frames a second: datagrams, and when they come."""
-    packets = []
-    for number, cue in enumerate(ghost_cues("kickLFront1Reps", 2.0)[::4]):
-        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-        arrival = 5.0 + number / 30
-        datagrams = LAYOUTS[layout][1](Moment(places, arrival, number))
-        packets += [(datagram, arrival + place * 1e-6) for place, datagram in enumerate(datagrams)]
-    return packets
-
-
-def test_a_recording_is_read_by_the_preset_it_was_made_with(tmp_path: Path) -> None:
-    """A preset of one's own called like a built-in one is kept in the recording, and goes before the built-in one."""
-    packets = [RawPacket(arrival, 0, "10.0.0.7:9", (datagram,)) for datagram, arrival in packets_of("osceleton")]
-    builtin = builtin_preset("osceleton")
-    mine = builtin.text.replace("/joint", "/elsewhere")
-    assert mine != builtin.text
-    sources, path = ["osc here feed osceleton"], tmp_path / "a.kinerec"
-    found = dict[str, int]()
-    for name, presets in {"older": {}, "same": {"osceleton": builtin.text}, "mine": {"osceleton": mine}}.items():
-        path.unlink(missing_ok=True)
-        with closing(RawWriter(path, sources, presets)) as writer:
-            for packet in packets:
-                writer.write(packet)
-        recording = RawFile(path)
-        assert recording.header.presets == presets
-        events = decoded(recording.header, recording.packets())
-        found[name] = sum(isinstance(event, Frame) for _, event in events)
-    assert found == {"older": 60, "same": 60, "mine": 0}

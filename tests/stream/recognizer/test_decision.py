@@ -1,9 +1,6 @@
 """The decision: the guess, whether it is known, and events that come once, even if the guess flickers."""
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from itertools import pairwise
 
 import naive_stream
 import numpy as np
@@ -14,15 +11,13 @@ from hypothesis import strategies as st
 from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
-from kinespace.library.windows.rejection import by_likelihood
 from kinespace.stream import Event, EventKind, LiveSignature, Outcome, Recognition, Settings
-from kinespace.stream.recognizer.decision import LEAD, Decision, Hysteresis, Judgement
+from kinespace.stream.recognizer.decision import Decision, Hysteresis
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for
 
 CLASSES = ("bow", "jump", "wave")
-START, END = EventKind.START, EventKind.END
-NAMED, STILL, UNKNOWN = Outcome.NAMED, Outcome.STILL, Outcome.UNKNOWN
+START, END, NAMED = EventKind.START, EventKind.END, Outcome.NAMED
 HOP = 1 / 30
 #: The lead after which a class starts.
 NEEDED = 3.0
@@ -52,13 +47,6 @@ def _course(*stretches: tuple[float, Outcome, int], hop: float = HOP) -> list[Re
     return made
 
 
-def _told(events: Iterable[Event]) -> list[tuple[EventKind, str]]:
-    return [(event.kind, event.label) for event in events]
-
-
-# --- hysteresis and judgement ------------------------------------------------------------------------------------
-
-
 @given(st.lists(st.tuples(st.integers(0, 3), st.floats(0, 2), st.floats(0, 0.2)), max_size=60), st.floats(0.01, 3))
 def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, float, float]], needed: float) -> None:
     """The lead of the name in front, times thirtieths of a second, counts since it came to the front, and once."""
@@ -77,28 +65,7 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
     assert hysteresis.current is None
 
 
-@given(
-    course=st.lists(st.tuples(st.floats(-5, 5), st.floats(0.01, 0.5)), min_size=1, max_size=40),
-    threshold=st.floats(-2, 2),
-    over=st.sampled_from([0.1, 0.3]),
-    held=st.sampled_from([0.5, 1.5]),
-)
-def test_a_guess_is_known_by_averaged_evidence(
-    course: list[tuple[float, float]], threshold: float, over: float, held: float
-) -> None:
-    """The average over some seconds, whatever the hops, is against a threshold that is lower for what is known."""
-    rejection = replace(by_likelihood(2), over=over, held=held)
-    judgement, times = Judgement(), np.cumsum([elapsed for _, elapsed in course]).tolist()
-    assert math.isnan(judgement.average)
-    expected = naive_stream.known(times, [logit for logit, _ in course], threshold, over, held)
-    for known, (logit, elapsed) in zip(expected, course, strict=True):
-        found = judgement.push(logit, threshold, elapsed, rejection)
-        if min(abs(judgement.average - threshold), abs(judgement.average - threshold + held)) < 1e-6:
-            return
-        assert found == known
-    judgement.clear()
-    assert math.isnan(judgement.average)
-    assert not judgement.push(threshold - 0.1, threshold, HOP, rejection)
+# --- hysteresis and judgement ------------------------------------------------------------------------------------
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------
@@ -114,22 +81,6 @@ def _seen(*distances: float, signature: Signature = MOVING) -> Compared:
     """Give windows at these log distances from the classes, alike by each group."""
     logs = np.array([distances] * 3)
     return Compared(signature, Distances(logs, logs[0], logs[1:], np.exp(-logs[0])))
-
-
-def test_a_guess_is_held_until_another_has_gathered_a_lead(index: WindowIndex) -> None:
-    """The first is followed at once; while it is held its lead is below 0; the lead counts for as long as hops last."""
-    decision = Decision(NEEDED)
-    decided = [
-        decision.push(LiveWindows(index), _seen(*each), 0.0, time * HOP)
-        for time, each in enumerate([(3.0, 1.0, 1.5), *[(1.0, 1.25, 3.0)] * 4, (1.0, 9.0, 9.0)])
-    ]
-    assert [each.guess for each in decided] == ["jump"] * 3 + ["bow"] * 3
-    assert [each.lead for each in decided] == pytest.approx([0.5, -0.25, -0.25, 0.25, 0.25, 8.0])
-    assert 2 * 0.25 < LEAD < 3 * 0.25
-    decision.clear()
-    assert decision.push(LiveWindows(index), _seen(2.0, 1.9, 3.0), 0.0, 9.0).guess == "jump"
-    alone = index.of_some([place for place, each in enumerate(index.library.motions) if each.class_name == "wave"])
-    assert decision.push(LiveWindows(alone), _seen(0.7), 0.0, 9.1)[1:3] == ("wave", math.inf)
 
 
 @pytest.mark.parametrize(("gap", "outcome"), [(0.019, Outcome.AMBIGUOUS), (0.021, NAMED)])
@@ -185,30 +136,3 @@ def test_an_event_holds_performer_and_score() -> None:
     assert end == Event("p", END, "jump", 1, 0.2, other.time)
     assert other == Event("p", START, "wave", 2, 0.9, other.time)
     assert start.time == pytest.approx(10 + NEEDED * HOP, abs=HOP + 1e-9)
-
-
-def test_a_gap_adds_no_lead() -> None:
-    """A gap counts as a tenth of a second, and a clock that runs back as nothing; after `end` time begins again."""
-    doubtful = [_recognition(time, 1, 0.6) for time in (0.0, 60.0, 50.0)]
-    decision = Decision(NEEDED)
-    assert _pushed(decision, doubtful) == []
-    assert decision.end(60.0) is None
-    assert _pushed(decision, [_recognition(500.0, 1, 9.0)]) == []
-    assert _told(_pushed(decision, [_recognition(500.1, 1, 9.0)])) == [(START, "jump")]
-
-
-def test_in_another_library_the_motion_goes_on_if_its_class_does(index: WindowIndex) -> None:
-    """Its index is the new one; a class that is gone ends; the new library may ask for another lead."""
-    for classes, lasts in ((("nope", "wave"), True), (("bow",), False)):
-        decision = Decision(NEEDED)
-        _pushed(decision, _course((1.0, NAMED, 2)))
-        ended = decision.exchange(index, classes, 6.0, 20.0)
-        assert (ended is None) is lasts
-        if lasts:
-            assert decision.going_on.index == 1
-            events = _pushed(decision, (_recognition(12 + k * HOP, 0, classes=classes) for k in range(30)))
-            assert _told(events) == [(END, "wave"), (START, "nope")]
-            assert events[0].time - 12 == pytest.approx(6.0 * HOP, abs=2 * HOP + 1e-9)
-        else:
-            assert (decision.going_on, ended and ended.label, ended and ended.time) == (None, "wave", 20.0)
-    assert all(before.time <= after.time for before, after in pairwise(events))

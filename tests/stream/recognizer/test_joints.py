@@ -7,7 +7,7 @@ import pytest
 from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
 from numpy.typing import NDArray
 from performed import pushed, shown
-from synthetic import STICK, stick_clip
+from synthetic import STICK
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, opened
 from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
@@ -16,7 +16,7 @@ from kinespace.stream import Announcement, Frame, Outcome, Performers, Recogniti
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
 from kinespace.stream.recognizer.mending import BELIEVED_AFTER, HELD, Joints
-from kinespace.stream.recognizer.plausibility import SAME_PLACE, SPAN, Plausibility, Step, steps_of
+from kinespace.stream.recognizer.plausibility import SAME_PLACE, Plausibility, Step, steps_of
 from kinespace.stream.recognizer.settings import threshold_for, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
@@ -255,14 +255,6 @@ def test_a_marker_that_slips_is_believed(small_index: WindowIndex, kick: Clip, s
     assert not _doubted(small_index, positions)
 
 
-def test_joints_in_another_order_are_all_doubted(small_index: WindowIndex, kick: Clip) -> None:
-    """When the ends of the segments are any two joints, all joints are doubted within a second."""
-    order = np.random.default_rng(5).permutation(31)
-    shown = kick.positions[: round(2.5 * SPAN * FAST), order]
-    assert _doubted(small_index, shown) == {*small_index.library.skeleton.joints}
-    assert _doubted(small_index, shown[: round(1.2 * SPAN * FAST)]) < {*small_index.library.skeleton.joints}
-
-
 def _played_for(recognizer: Recognizer, positions: NDArray[np.float64], seconds: float, begin: float = 0.0) -> None:
     """Play a motion forth and back for some seconds."""
     there_and_back = np.concatenate([positions, positions[::-1]])
@@ -320,21 +312,6 @@ def test_shares_equal_plain_loops(seed: int) -> None:
     foremost = sorted(range(len(given)), key=lambda place: -max(given[place], 0.0))[:MAX_PAIRS]
     assert carried.pairs == tuple(tuple(order[STICK.pairs[place]].tolist()) for place in foremost)
     assert carried_by(-np.abs(given), STICK.pairs, None, 6) is None
-
-
-def test_performers_tell_joints_in_the_senders_order(sticks: MotionLibrary) -> None:
-    """Skeleton and shares have the order of the sender's frames, also when it is not the library's."""
-    performers, order = Performers(sticks), [3, 1, 0, 5, 4, 2]
-    assert (performers.skeleton_of("ann"), performers.carried("ann")) == (None, None)
-    clip, names = stick_clip("wave", seed=70, frames=60), tuple(STICK.joints[joint] for joint in order)
-    performers.announce(Announcement("ann", names), 0.0)
-    for time, positions in zip(clip.times, clip.positions, strict=True):
-        performers.push(Frame("ann", time, positions[order]), 0.0)
-        performers.push(Frame("bob", time, positions), 0.0)
-    skeleton, carried, other = performers.skeleton_of("ann"), performers.carried("ann"), performers.carried("bob")
-    assert skeleton is not None
-    assert skeleton == STICK.linked(names)
-    assert carried.joints == tuple(other.joints[joint] for joint in order)
 
 
 def _before_a_camera(clip: Clip) -> Clip:

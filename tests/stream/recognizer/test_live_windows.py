@@ -34,23 +34,6 @@ def _smoother() -> RowSmoother:
     return RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
 
 
-def _smoothed(smoother: RowSmoother, times: list[float], rows: np.ndarray, together: int = 1) -> np.ndarray:
-    smooth = rows.copy()
-    for begin in range(0, len(times), together):
-        smoother.smooth(times[begin : begin + together], smooth[begin : begin + together])
-    return smooth
-
-
-@pytest.mark.parametrize("noise", [0.01, 0.02, 0.03])
-@pytest.mark.parametrize("segments", [True, False])
-def test_the_noise_is_estimated(noise: float, *, segments: bool) -> None:
-    """A distance between two shaken joints has √2 times the noise of a coordinate; without segments all pairs tell."""
-    times, _, shaken = _trembling_rows(noise)
-    smoother = _smoother() if segments else RowSmoother(np.empty(0, dtype=np.intp), shaken.shape[1])
-    _smoothed(smoother, times[:60], shaken[:60], 60)
-    assert smoother.noise == pytest.approx(noise * np.sqrt(2), rel=0.2)
-
-
 @pytest.mark.parametrize("together", [1, 3, 4])
 @pytest.mark.parametrize("begins", [50, 120])
 def test_a_feed_that_begins_to_tremble_is_smoothed_as_by_the_twin(begins: int, together: int) -> None:
@@ -151,17 +134,6 @@ def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: f
 
 
 @pytest.mark.usefixtures("arithmetic")
-def test_many_frames_without_a_reading_and_a_clear(index: WindowIndex, rows: np.ndarray) -> None:
-    """They are followed at once; after a clear they have no influence."""
-    live, times = LiveWindows(index), np.arange(len(rows)) / 120
-    live.push((times + 100).tolist(), rows)
-    _assert_by_definition(live, live.read(), index, times + 100, rows)
-    live.clear()
-    live.push(times[:40].tolist(), rows[80:120])
-    _assert_by_definition(live, live.read(), index, times[:40], rows[80:120])
-
-
-@pytest.mark.usefixtures("arithmetic")
 def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: WindowIndex, rows: np.ndarray) -> None:
     """In the same basis at once, in another one by following all rows anew."""
     live, times = LiveWindows(small_index), np.arange(len(rows)) / 120
@@ -171,34 +143,3 @@ def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: Windo
     live.exchange(index)
     assert live.longest == (2.0 if index is small_index else 0.75)
     _assert_by_definition(live, live.read(), index, times, rows)
-
-
-@pytest.mark.usefixtures("arithmetic")
-def test_nothing_is_read_before_the_first_window(index: WindowIndex, rows: np.ndarray) -> None:
-    """0.15 seconds of at least three frames must have come, also after a clear."""
-    live = LiveWindows(index)
-    for begin in (0.0, 5.0):
-        live.push([], rows[:0])
-        live.push([begin, begin + 0.1], rows[:2])
-        assert live.read() is None
-        live.push([begin + 0.14], rows[2:3])
-        assert live.read() is live.seen is live.contributions() is None
-        live.push([begin + 0.15], rows[3:4])
-        assert live.read() is not None
-        live.clear()
-        live.push([begin + 1, begin + 3], rows[:2])
-        assert live.read() is None
-        live.clear()
-
-
-@pytest.mark.usefixtures("arithmetic")
-def test_a_body_in_one_point_has_no_part(index: WindowIndex) -> None:
-    """Without any length there are no movement, share or gap, and every number is finite."""
-    live = LiveWindows(index)
-    live.push((np.arange(30) / 120).tolist(), np.zeros((30, 465)))
-    read = live.read()
-    assert read
-    assert (read.signature.movement, read.signature.share, read.signature.gap) == (0.0, 0.0, 0.0)
-    for part, numbers in read.signature.parts.items():
-        assert np.isfinite(numbers).all()
-        assert part.kind is Kind.SPREAD or not numbers.any()

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.phases import VELOCITY, PhaseTable
-from kinespace.stream import Frame, Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
@@ -44,18 +43,6 @@ def points_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 def clip_of(class_name: str, actor: str, nth: int = 0) -> Clip:
     """Choose a motion of the library."""
     return [clip for clip in opened_few().library.motions if (clip.class_name, clip.actor) == (class_name, actor)][nth]
-
-
-def followed(clip: Clip, *, speed: float = 1.0, size: float = 1.0, rounds: int = 1) -> list[Progress]:
-    """Follow a clip that is played at another speed, or larger, by its class's motions of other actors."""
-    follower, mean = ProgressFollower(table_without(clip.actor)), clip.positions.mean(axis=0)
-    positions = np.concatenate([mean + size * (clip.positions - mean)] * rounds)
-    places = np.arange(0, len(positions) - 1, clip.frame_rate * STEP * speed)
-    before = places.astype(int)
-    part = (places - before)[:, None, None]
-    points = points_of(positions[before] * (1 - part) + positions[before + 1] * part)
-    told = [follower.push(index * STEP, point, clip.class_name) for index, point in enumerate(points)]
-    return [each for each in told if each]
 
 
 @pytest.mark.usefixtures("arithmetic")
@@ -105,55 +92,3 @@ def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
             assert told
             assert seen
             assert (told.phase, told.speed) == pytest.approx((seen.phase, seen.speed), abs=1e-6)
-
-
-def test_nothing_named_has_no_progress() -> None:
-    """Without a class, or with one that the table lacks, there is no progress; after a minute there is one step."""
-    follower, points = ProgressFollower(table_without("bk")), points_of(clip_of(SQUAT, "bk").positions[:60:2])
-    assert {follower.push(index * STEP, point, None) for index, point in enumerate(points[:20])} == {None}
-    assert follower.push(20 * STEP, points[20], "no such class") is None
-    assert follower.push(21 * STEP, points[21], SQUAT)
-    assert follower.push(60.0, points[22], SQUAT)
-    assert follower.push(60.1, points[22], None) is None
-    follower.clear()
-    assert follower.progress is None
-
-
-def test_a_class_named_late_is_followed_within_a_third_of_a_second() -> None:
-    """Named in the middle, or after an exchange, its phase is soon as if followed from the start."""
-    clip = clip_of(SQUAT, "mm")
-    points = points_of(clip.positions[:: round(clip.frame_rate * STEP)])
-    early, late, exchanged = (ProgressFollower(table_without("mm")) for _ in range(3))
-    half, apart = len(points) // 2, []
-    for place, point in enumerate(points):
-        if place == half:
-            index = opened_few()
-            others = index.library.without(actors=["mm"]).with_motions([replace(clip, class_name="mine")]).motions
-            exchanged.exchange(PhaseTable.of(others, index.body, index.basis, table_without("mm")))
-            assert exchanged.progress is not None
-        told = [
-            early.push(place * STEP, point, SQUAT),
-            late.push(place * STEP, point, SQUAT if place > half else ARMS),
-            exchanged.push(place * STEP, point, SQUAT),
-        ]
-        if place > half + 0.3 / STEP:
-            apart += [abs(each.phase - told[0].phase) for each in told[1:] if each and told[0]]
-    assert len(apart) > 10
-    assert max(apart) < 0.1
-    other = replace(table_without("mm"), basis=replace(table_without("mm").basis))
-    exchanged.exchange(other)
-    assert exchanged.progress is None
-
-
-@pytest.mark.slow
-def test_the_recogniser_tells_progress_when_asked() -> None:
-    """With `progress` answers that name a motion carry it, and others do not; without it none does."""
-    clip = clip_of(DOWN, "mm")
-    frames = [Frame("ann", index / clip.frame_rate, each) for index, each in enumerate(clip.positions)]
-    told = [Recognizer(opened_few(), Settings(progress=progress)) for progress in (True, False)]
-    asked, unasked = ([each for frame in frames if (each := one.push(frame))] for one in told)
-    assert {each.progress for each in unasked} == {None}
-    assert [each.outcome for each in asked] == [each.outcome for each in unasked]
-    phases = [each.progress.phase for each in asked if each.class_name and each.progress]
-    assert len(phases) == sum(each.class_name is not None for each in asked) > 0
-    assert phases[-1] > phases[0]

@@ -20,7 +20,6 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened
 from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings, recognise
 from kinespace.stream.frame import MAX_DISTANCE
-from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
@@ -65,21 +64,6 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
     counts = recognizer.counts
     assert (counts.out_of_order, counts.restarts) == (feed.out_of_order, feed.restarts)
     assert counts.frames + counts.out_of_order == len(steps)
-
-
-def test_after_a_gap_or_a_new_clock_only_the_new_feed_counts(sticks: MotionLibrary) -> None:
-    """Answers are those of the frames since, and a motion that went on ends when the gap was long."""
-    for start, ended in ((2.992 + 0.51, False), (2.992 + 0.81, True), (-100.0, False)):
-        recognizer = Recognizer(sticks)
-        before = pushed(recognizer, _frames("bow"))
-        after = pushed(recognizer, _frames("jump", start=start))
-        assert ({each.label for each in before}, {each.label for each in after}) == ({"bow"}, {"jump"})
-        assert after[0].time == pytest.approx(start + 0.15)
-        assert recognizer.counts == RecognizerCounts(720, 0, 1, len(before) + len(after))
-        first = [(event.kind, event.label, event.time) for event in after[0].events]
-        assert (first[:1] == [(EventKind.END, "bow", pytest.approx(359 / 120))]) is ended
-        end = recognizer.end()
-        assert (end.label, end.time, recognizer.end()) == ("jump", start + 359 / 120, None)
 
 
 # --- one performer, one thread -----------------------------------------------------------------------------------

@@ -19,7 +19,6 @@ from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
-from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching import Asked, commands
 
 #: Seconds a test waits for something that must happen, before it gives up.
@@ -190,20 +189,6 @@ def test_of_old_packets_the_newest_is_answered(
     assert waited < status.hop_p50 < waited + PATIENCE
 
 
-def test_one_busy_source_does_not_silence_the_others(sticks: MotionLibrary, opened: ExitStack) -> None:
-    """When more waits than one step takes, each source gets its turn, and the rest is taken by the next steps."""
-    feeds = [_frames("bow", name, frames=600) for name in ("a", "b")]
-    sources = [opened.enter_context(closing(FakeSource([[frame] for frame in feed]))) for feed in feeds]
-    bench = Bench(Performers(sticks), *sources)
-    bench.step()
-    assert {answer.performer for answer in bench.sink.recognitions} == {"a", "b"}
-    assert len(sources[0].waiting) == len(sources[1].waiting) == 600 - 256
-    for _ in range(3):
-        bench.step()
-    assert not sources[0].waiting
-    assert bench.service.status().outcomes.recognizers.frames == 1200
-
-
 def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
     """Both are sent at the start, then the status every second and the classes every five."""
     bench.step()
@@ -212,26 +197,6 @@ def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
         bench.step(0.125)
     assert (len(bench.sink.classes), len(bench.sink.statuses)) == (1 + 2, 1 + 10)
     assert set(bench.sink.classes) == {STICK_CLASSES}
-
-
-def test_the_status_counts_everything(bench: Bench) -> None:
-    """Sources, performers, rates and sinks all have their numbers in the status."""
-    (source,) = bench.sources
-    bench.step()
-    frames = [*_frames("jump", "a"), *_frames("jump", "b", frames=50), Frame("a", 9.0, np.zeros((2, 3)))]
-    source.waiting.extend([frame] for frame in frames)
-    source.counts = InputCounts(malformed=3)
-    bench.sink.failed = 4
-    bench.step(0.5)
-    bench.step(0.5)
-    status = bench.sink.statuses[-1]
-    assert status.inputs == InputCounts(received=251, malformed=3)
-    assert (status.outcomes.other_joints, status.outcomes.recognizers.frames) == (1, 250)
-    assert status.outcomes.recognizers.hops == len(bench.sink.recognitions)
-    assert status.unsent == 4
-    assert status.performers == {"a": 201.0, "b": 50.0}
-    assert 0.0 < status.hop_p50 <= status.hop_p99
-    assert status.lost == 4
 
 
 def test_a_stopped_service_answers_the_waiting_packets(
@@ -473,18 +438,6 @@ class Ann:
             self.frame(time)
             found += self.answer(time, named, classes) or []
         return found
-
-
-def test_only_the_first_answer_to_an_own_frame_is_news() -> None:
-    """No second answer, none to a frame before it, and none to a frame that was never sent."""
-    ann = Ann()
-    assert ann.answer(1.0) is None
-    for time in (1.0, 1.1, 1.2):
-        ann.frame(time)
-    assert ann.answer(1.15) is ann.answer(np.nan) is None
-    assert ann.answer(1.1) == []
-    assert ann.answer(1.1) is ann.answer(1.0) is None
-    assert ann.answer(1.2) is not None
 
 
 def test_motions_start_and_end_once() -> None:

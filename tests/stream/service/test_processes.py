@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -21,13 +21,9 @@ from kinespace.library.windows.index import MAX_VIEWS
 from kinespace.stream import (
     Announcement,
     BackgroundViews,
-    Event,
-    EventKind,
     Frame,
     Performers,
-    Progress,
     Recognition,
-    Recognizer,
     Settings,
 )
 from kinespace.stream.frame import Admitted, NewSender
@@ -41,6 +37,7 @@ RATE, PATIENCE = 60, 60.0
 #: Seconds between two answers, and a frame: another worker's hops are others.
 HOP = 1 / 30 + 1 / RATE + 0.001
 NAMES = ("ann", "bob", "cleo", "dan")
+FOLLOWED = Settings(progress=True)
 
 
 class Patient(Worker):
@@ -65,10 +62,10 @@ class Fed:
 
     def __init__(self, library: MotionLibrary, gateway: Gateway, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self.gateway, self._one = gateway, Performers(opened(library))
+        self.gateway, self._one = gateway, Performers(opened(library), FOLLOWED)
         clips = [stick_clip(name, seed=80, frames=4 * RATE).positions[::2] for name in STICK_CLASSES]
         self._moments = [
-            [Frame(name, 1 + k / RATE, each) for name in NAMES]
+            [Frame(name, 1 + k / RATE, each.astype(kind)) for name, kind in zip(NAMES, ["f4", "f8"] * 2, strict=True)]
             for k, each in enumerate(p for clip in clips for p in clip)
         ]
         self.heard, self.expected = list[Recognition](), list[Recognition]()
@@ -102,21 +99,22 @@ class Fed:
         ]
 
 
-def _described(answers: Sequence[Recognition]) -> dict[tuple[str, float], tuple[object, ...]]:
-    return {(each.performer, each.time): (each.label, *each.scores.tolist(), each.events) for each in answers}
+def _described(answers: Sequence[Recognition]) -> dict[tuple[str, float], dict[str, object]]:
+    return {(each.performer, each.time): {**asdict(each), "scores": each.scores.tolist()} for each in answers}
 
 
 @pytest.mark.slow
 def test_answers_equal_one_processs(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two workers give the answers of one process, each once, bit by bit; a gateway that stood still drops none."""
     monkeypatch.setattr(gateways, "work", _without_hurry)
-    with closing(Gateway(2, opened(sticks), Terms(Settings(), 8))) as gateway:
+    with closing(Gateway(2, opened(sticks), Terms(FOLLOWED, 8))) as gateway:
         # By a clock that stands still no motion ends because the machine does.
         now = time.monotonic()
         fed = Fed(sticks, gateway, lambda: now)
         fed.play(150)
         fed.until(lambda: len(fed.heard) == len(fed.expected))
         assert _described(fed.heard) == _described(fed.expected)
+        assert any(each.progress for each in fed.heard)
         assert gateway.skeleton_of("nobody") is gateway.carried("ann") is None
         fed.until(lambda: gateway.counts.recognizers.frames == 150 * len(NAMES))
         gateway.set_sensitivity(0.0)
@@ -131,7 +129,7 @@ def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: p
     monkeypatch.setattr(gateways, "_MAX_ABSENT", 0.5)
     monkeypatch.setattr(gateways, "work", _without_hurry)
     monkeypatch.setattr(gateways, "DUE", PATIENCE)
-    with closing(Gateway(2, opened(sticks), Terms(settings=Settings(), most=8))) as gateway:
+    with closing(Gateway(2, opened(sticks), Terms(FOLLOWED, 8))) as gateway:
         fed, processes = Fed(sticks, gateway), gateway._workers  # noqa: SLF001 - who is killed
         fed.play(60)
         for number in (signal.SIGKILL, signal.SIGSTOP if sys.platform != "win32" else signal.SIGTERM):
@@ -274,41 +272,3 @@ def test_an_interrupt_waits_until_the_start_is_done() -> None:
     assert done == ["started"]
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
-
-
-POSITIONS = np.arange(18.0).reshape(6, 3) / 7
-
-
-@pytest.mark.parametrize("kind", ["f4", "f8"])
-def test_frames_come_back_to_the_last_bit(kind: str) -> None:
-    """Positions keep their precision, and all else is as it was sent."""
-    sent = worker.SentFrame.of(Frame("ann", 3.0, POSITIONS.astype(kind)))
-    sent.joints, sent.begins = ("a", "b"), True
-    (found,) = worker.decode_orders(worker.encode(worker.Orders(seen=[sent]))).seen
-    new, announced, frame = found.events()
-    assert (found, new, announced) == (sent, NewSender("ann"), Announcement("ann", ("a", "b")))
-    assert isinstance(frame, Frame)
-    assert (frame.performer, frame.time, frame.positions.dtype) == ("ann", 3.0, np.dtype(kind))
-    assert np.array_equal(frame.positions, POSITIONS.astype(kind))
-
-
-@pytest.fixture(scope="module")
-def recognition(sticks: MotionLibrary) -> Recognition:
-    """Give a recognition of a real window."""
-    recognizer = Recognizer(sticks)
-    clip = stick_clip(STICK_CLASSES[0], seed=80, frames=120)
-    answers = [recognizer.push(Frame("ann", k / 120, each)) for k, each in enumerate(clip.positions)]
-    return [each for each in answers if each][-1]
-
-
-def test_answers_come_back_to_the_last_bit(recognition: Recognition) -> None:
-    """Every number of a recognition, its progress and events come back, and the report with it."""
-    event = Event("ann", EventKind.START, recognition.classes[1], 1, 0.5, 2.0)
-    progress = Progress(recognition.classes[1], 0.5, 0.4, 1.0, 1.1, 0.9, 2)
-    whole = replace(recognition, events=(event,), progress=progress, doubted=("c",))
-    report = worker.Report(worker.PerformerCounts(), {"bob": "why"}, stale=4)
-    back = worker.decode_answers(worker.encode(worker.Answers([whole], report)))
-    (found,) = back.answers
-    assert back.report == report
-    assert np.array_equal(found.scores, whole.scores)
-    assert {**asdict(found), "scores": ()} == {**asdict(whole), "scores": ()}

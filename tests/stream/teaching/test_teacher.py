@@ -10,7 +10,7 @@ from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream import Event, EventKind, Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
-from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, MAX_WAITING, OFFER, Memory, NamedMotions
+from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, Memory, NamedMotions
 
 RATE = 60.0
 
@@ -133,16 +133,6 @@ def test_undo_without_end() -> None:
     assert stage.ask(commands.Undo())[0] == State("", Step.REFUSED, 0.0, "nothing to undo")
 
 
-def test_no_class_takes_the_name_of_another() -> None:
-    """Taught or built in: their examples would be one class for ever."""
-    stage = _taught()
-    for name in ("wave", "squat1Reps"):
-        assert stage.ask(commands.Rename("wave", name)) == [
-            State("", Step.REFUSED, 0.0, f"{name}: there is such a class already")
-        ]
-    assert stage.teacher.roster.classes == ("wave",)
-
-
 def test_recent_minutes_end_where_the_recording_begins() -> None:
     """The performer's last minutes do not hold the example itself."""
     stage = Stage()
@@ -161,29 +151,6 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     assert spans[0] == pytest.approx((110.2, 112.5), abs=0.5)
 
 
-def test_a_pause_in_the_feed_ends_a_recording() -> None:
-    """A sender that pauses between motions, as a replay does, sends no stillness: the motion is an example."""
-    stage = _asked("wave", 2)
-    for _ in range(2):
-        stage.show(stage.library.motions[40].positions)
-        stage.wait(1.0)
-    assert stage.steps().count(Step.CHECKING) == 2
-    lasts = stage.library.motions[40].duration
-    assert [each.seconds for each in stage.teacher.roster.examples] == [pytest.approx(lasts, abs=0.3)] * 2
-
-
-@pytest.mark.parametrize(("command", "examples"), [(commands.Stop(), 1), (commands.Cancel(), 0)])
-def test_a_recording_is_ended_by_hand(command: Command, examples: int) -> None:
-    """A recording that is stopped becomes an example, and one that is cancelled none."""
-    stage = _asked("half")
-    stage.stand(0.5)
-    stage.show(stage.library.motions[40].positions[:60])
-    stage.ask(command)
-    assert stage.steps()[-1] is (Step.CHECKING if examples else Step.DONE)
-    stage.perform()
-    assert len(stage.teacher.roster.examples) == examples
-
-
 def test_a_lesson_without_a_performer_is_refused() -> None:
     """A lesson for an absent performer, or one who leaves, is refused."""
     stage = Stage()
@@ -198,28 +165,6 @@ def test_a_lesson_without_a_performer_is_refused() -> None:
     assert stage.teacher.lesson is None
     stage.ask(commands.Teach("ann", "wave"))
     assert stage.reason() == "no such performer is there"
-
-
-def test_a_process_that_was_stopped_first_reads_what_waits() -> None:
-    """The time for which nobody asked the teacher is not the performer's silence: the recording goes on."""
-    stage = _asked()
-    motion = stage.library.motions[40].positions
-    for frames in (motion[:40], motion[40:]):
-        stage.show(frames)
-        stage.behind += 20.0
-        stage.now += 20.0
-        stage.told += stage.teacher.tick(stage.now)
-    assert stage.steps() == [Step.WAITING, Step.RECORDING]
-    stage.stand(1.0, 40)
-    assert stage.steps()[-1] is Step.CHECKING
-
-
-def test_standing_still_throughout() -> None:
-    """A performer who stands still throughout gets a refusal."""
-    stage = _asked()
-    stage.stand(MAX_WAITING + 1)
-    assert stage.steps()[-1] is Step.REFUSED
-    assert "stood still" in stage.reason()
 
 
 def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
@@ -274,17 +219,6 @@ def test_a_lesson_of_nothing_records_movement_at_will() -> None:
     lasted = stage.library.motions[40].duration + 1
     seconds = [each.seconds for each in stage.teacher.roster.of("nothing")]
     assert seconds == pytest.approx([AT_WILL, lasted], abs=0.1)
-
-
-def test_a_lesson_of_nothing_is_offered_until_it_was_given() -> None:
-    """After each example of a gesture, in words."""
-    stage = _taught()
-    assert stage.teacher.checked(1, None, Tried())[1] == State(
-        "ann", Step.DONE, pytest.approx(1.3, abs=0.3), f"good; {OFFER}"
-    )
-    stage.ask(commands.Last("ann", 2.0, "nothing"))
-    for number in (1, 2):
-        assert getattr(stage.teacher.checked(number, None, Tried())[1], "reason", "") == "good"
 
 
 def test_a_hole_in_the_feed_makes_no_example() -> None:

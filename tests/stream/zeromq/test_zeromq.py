@@ -30,9 +30,6 @@ PATIENCE_MS = 20_000
 TOPIC = b"frame/p/"
 
 
-# --- answers -----------------------------------------------------------------------------------------------------
-
-
 def test_what_happened_is_json_under_its_performers_topic() -> None:
     """An event, and a motion that was done, are topics of their own and JSON that says all of them."""
     topic, body = zeromq_answers.encode_event(
@@ -45,6 +42,9 @@ def test_what_happened_is_json_under_its_performers_topic() -> None:
     assert topic == b"done/Ada 1/"
     told = {"v": 1, "performer": "Ada 1", "class": "wäve", "index": 2, "start": 4.5, "duration": 1.5, "score": 0.875}
     assert json.loads(body) == told | {"speed": 1.25, "amplitude": 0.75, "count": 3}
+
+
+# --- answers -----------------------------------------------------------------------------------------------------
 
 
 def test_classes_and_status_are_json() -> None:

@@ -8,7 +8,7 @@ import time
 from contextlib import ExitStack
 
 import pytest
-from golden import LAYOUTS, Moment
+from golden import moments
 from programs import (
     LOOPBACK,
     PATIENCE,
@@ -21,7 +21,6 @@ from programs import (
     summary_counts,
 )
 
-from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
@@ -82,10 +81,11 @@ def test_a_signal_ends_live_with_end_events() -> None:
 def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:
     """Send a ghost in a product's layout at 30 Hz in real time: most feeds are timed by their arrival."""
     start = time.monotonic()
-    for number, cue in enumerate(ghost_cues("kickLFront1Reps", seconds)[::4]):
-        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-        time.sleep(max(0.0, start + number / 30 - time.monotonic()))
-        for packet in LAYOUTS[layout][1](Moment(places, 1.0 + number / 30, number)):
+    for moment, packets in moments(
+        layout, [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", seconds)[::4]]
+    ):
+        time.sleep(max(0.0, start + moment - 1.0 - time.monotonic()))
+        for packet in packets:
             sender.sendto(packet, (LOOPBACK, port))
 
 

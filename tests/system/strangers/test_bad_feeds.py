@@ -1,14 +1,13 @@
 """Bad feeds: all that a sender does wrong is counted, nothing raises, and valid frames are recognised."""
 
 import time
-from collections.abc import Iterator
 from contextlib import closing
 
 import numpy as np
 import pytest
 import zmq
 from fuzzfeeds import run, run_messages
-from golden import LAYOUTS, Moment
+from golden import LAYOUTS, moments
 from numpy.typing import NDArray
 from programs import LOOPBACK, PATIENCE, ghost_cues
 
@@ -80,18 +79,6 @@ _ELSEWHERE = ("osceleton", "osceleton -q")
 #: The performers that layouts name.
 _NAMED = {"native": "jan", "kinectv2": "72057594037928017", "captury": "John-Doe", "rokoko": "Dimitris", "xsens": "0"}
 _NAMED |= {"qtm": "Jan", "natnet2osc": "Jan", "zigsim": "iPhone", "zigsim osc": "B8-27", "mediapipe": "webcam"}
-#: Microseconds between two packets of one frame.
-_APART = 1e-6
-
-
-def sent(layout: str, positions: NDArray[np.floating], rate: float) -> Iterator[tuple[bytes, float]]:
-    """Send positions (frames, 31, 3) as a product would: datagrams and when they arrive."""
-    _, packets = LAYOUTS[layout]
-    for number, joints in enumerate(positions):
-        time = 1.0 + number / rate
-        places = dict(zip(SKELETON.joints, joints, strict=True))
-        for place, packet in enumerate(packets(Moment(places, time, number))):
-            yield packet, time + place * _APART
 
 
 def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tuple[FrameAssembler, list[Frame]]:
@@ -99,10 +86,11 @@ def assembled(layout: str, positions: NDArray[np.floating], rate: float) -> tupl
     preset = builtin_preset(LAYOUTS[layout][0])
     assembler, unpack = FrameAssembler(preset), UNPACKERS[preset.packing]()
     events: list[Frame | Announcement] = []
-    arrival = 0.0
-    for packet, arrival in sent(layout, positions, rate):
-        events += assembler.push(unpack(packet), arrival, bundle=preset.packing not in LOOSE or packet.startswith(b"#"))
-    events += assembler.expire(arrival + 1.0)
+    for moment, packets in moments(layout, positions, rate):
+        for place, packet in enumerate(packets):
+            bundle = preset.packing not in LOOSE or packet.startswith(b"#")
+            events += assembler.push(unpack(packet), moment + place * 1e-6, bundle=bundle)
+    events += assembler.expire(moment + 1.0)
     announced = [event for event in events if isinstance(event, Announcement)]
     assert announced == [Announcement(announced[0].performer, assembler.preset.joints)]
     return assembler, [event for event in events if isinstance(event, Frame)]

@@ -19,13 +19,12 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from golden import LAYOUTS, Moment
+from golden import moments
 from programs import REMARK
 from synthetic import stick_clips
 from written import written
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.library.windows import remembered
 from kinespace.library.windows.taught import usual_weighing
@@ -101,13 +100,11 @@ def _library(folder: Path) -> Path:
 
 
 def _raw(folder: Path) -> Path:
-    generator, (_, layout) = np.random.default_rng(2), LAYOUTS["native"]
-    presets = {"vmc": builtin_preset("vmc").text}
+    positions, presets = np.random.default_rng(2).normal(size=(4, 31, 3)), {"vmc": builtin_preset("vmc").text}
     with closing(kinerec.RawWriter(folder / "take.kinerec", ["osc 127.0.0.1:9310"], presets)) as writer:
-        for number in range(4):
-            places = dict(zip(hdm05.SKELETON.joints, generator.normal(size=(31, 3)), strict=True))
-            for packet in layout(Moment(places, 1.0 + number / 30, number)):
-                writer.write(kinerec.RawPacket(number / 30, 0, "10.0.0.7:5000", (packet,)))
+        for moment, packets in moments("native", positions):
+            for packet in packets:
+                writer.write(kinerec.RawPacket(moment, 0, "10.0.0.7:5000", (packet,)))
     return folder / "take.kinerec"
 
 

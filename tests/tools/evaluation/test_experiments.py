@@ -1,16 +1,22 @@
 """Every experiment as a person runs it: its keys, its table, and the input that it refuses."""
 
+import csv
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from programs import small_library
 from recorded import write_clips, write_take
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, Reading
+from kinespace.library.recordings import ActorIn
+from kinespace.stream import Settings
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation.evaluate_stream import course
+from kinespace.tools.evaluation.harness import Sources, read_takes
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -78,12 +84,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.fixture(scope="module", autouse=True)
 def _few_built_in() -> Iterator[None]:
     """Leave of the built-in library two motions of each of three classes by three persons."""
-    builtin, few = MotionLibrary.builtin(), []
-    for name in ("grabHighR", "squat1Reps", "jogLeftCircle4StepsRstart"):
-        for actor in ("bd", "dg", "mm"):
-            few += [each for each in builtin.motions if (each.class_name, each.actor) == (name, actor)][:2]
+    library = small_library()
     with pytest.MonkeyPatch.context() as patched:
-        library = replace(builtin, motions=tuple(few))
         patched.setattr(MotionLibrary, "builtin", lambda: library)
         yield
 
@@ -138,6 +140,28 @@ def test_the_papers_figure_is_drawn_and_written(
     scores = _printed(run, capsys)
     assert len(scores) == 6 * 3
     assert scores[0]["confusion"]["bendLeft"] == {"bendLeft": 1.0}
+
+
+def test_answers_and_segments_are_tables(folders: dict[str, Path], tmp_path: Path) -> None:
+    """A row for each answer, with truth and the score of each class; a row for each segment, with its share right."""
+    takes = read_takes(Sources([folders["takes"]]), Reading(actor_in=ActorIn.NAME))
+    library, answers, segments = (tmp_path / name for name in ("first.npz", "answers.csv", "segments.csv"))
+    MotionLibrary.of_clips(takes[0].motions()).save(library)
+    options = f"--library {library} --map salute=hail --actor-in name --answers {answers} --segments {segments}"
+    assert main(_arguments(f"stream {{takes}} {options}", folders)) == 0
+    rows, table = ([*csv.DictReader(path.read_text("utf-8").splitlines())] for path in (answers, segments))
+    played = course(takes[0], MotionLibrary.load(library), ("clap", "hail", "row"), Settings())
+    own = [row for row in rows if row["take"] == played.name]
+    for row, answer in zip(own, played.answers, strict=True):
+        assert (row["guess"], row["label"]) == (answer.as_dict()["guess"], answer.label)
+        assert [float(row[f"score {name}"]) for name in answer.classes] == pytest.approx(answer.scores, abs=1e-6)
+    assert {row["truth"] for row in rows} >= {"clap", "hail", "row"}
+    right = [row["truth"] == row["guess"] for row in own if row["truth"]]
+    assert [(each["performed"], each["person"]) for each in table[:3]] == [
+        (name, "ann") for name in ("clap", "hail", "row")
+    ]
+    ours = [float(each["right"]) for each in table if each["take"] == played.name]
+    assert np.mean(ours) == pytest.approx(np.mean(right), abs=0.1)
 
 
 def _printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> Any:  # noqa: ANN401 - JSON

@@ -1,14 +1,14 @@
 import csv
 import json
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import SMALL_CLASSES, small_library
 from written import trc_text
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import MotionLibrary
 from kinespace.library.windows.rejection import Evidence
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.learn import Lesson, fitted
@@ -39,13 +39,8 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 @pytest.fixture(scope="module")
 def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two motions of two classes by each of three persons."""
-    library, kept = MotionLibrary.builtin(), defaultdict[tuple[str, str], list[Clip]](list)
-    others = [name for name in library.classes if name not in _CLASSES]
-    library = library.without(classes=others, actors=["mm", "tr"])
-    for motion in library.motions:
-        kept[motion.class_name, motion.actor].append(motion)
     path = tmp_path_factory.mktemp("learn") / "small.npz"
-    library.without(motions=[motion for own in kept.values() for motion in own[2:]]).save(path)
+    small_library().without(classes=[name for name in SMALL_CLASSES if name not in _CLASSES]).save(path)
     return path
 
 

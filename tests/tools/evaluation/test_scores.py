@@ -1,7 +1,7 @@
 """How what was said is scored: counted by hand, and of random courses against a naive count."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -44,58 +44,11 @@ RATE = 8
 TIMES = np.arange(64) / RATE
 SECONDS = 7.875
 SEGMENTS = (Segment(0, 2, "bow"), Segment(2.5, 5, "jump"), Segment(5, 7.5, "juggle"), Segment(7.5, 9, "wave"))
-#: From when on which class is the guess, is published, has its event.
-GUESSES = {0.5: BOW, 0.625: WAVE, 0.875: BOW, 2.75: JUMP, 3.5: BOW, 3.625: JUMP, 5.25: WAVE, 7.5: BOW}
-HELD_BACK = ((4.0, 4.5), (6.0, 6.5), (7.0, 8.0))
-EVENTS = {1.0: BOW, 3.0: JUMP, 6.625: WAVE}
-SCORES = {0.5: 0.9, 2.5: 0.8, 6.75: 0.95}
-
-
-def _held(values: Mapping[float, float], before: float, times: np.ndarray = TIMES) -> np.ndarray:
-    """Lay out values that each hold until the next."""
-    return np.array([([before] + [value for since, value in values.items() if since <= time])[-1] for time in times])
 
 
 def _segment(times: np.ndarray, segments: Sequence[Segment]) -> np.ndarray:
     inside = [[index for index, each in enumerate(segments) if each.start <= time < each.end] for time in times]
     return np.array([found[0] if found else -1 for found in inside])
-
-
-def _course() -> Course:
-    """Write a course by hand."""
-    segment = _segment(TIMES, SEGMENTS)
-    guess = _held(GUESSES, NONE)
-    published = guess.copy()
-    for begin, end in HELD_BACK:
-        published[(begin <= TIMES) & (end > TIMES)] = NONE
-    return Course(
-        name="take",
-        times=TIMES,
-        segments=SEGMENTS,
-        truth=np.array([BOW, JUMP, NONE, WAVE, NONE])[segment],
-        segment=segment,
-        guess=guess,
-        published=published,
-        event=_held(EVENTS, NONE),
-        score=_held(SCORES, np.nan),
-    )
-
-
-def _figures(courses: Sequence[Course], window: float = 1.0) -> dict[str, float | None]:
-    return score_courses(courses, CLASSES, window).values
-
-
-# --- a course with known answers ---------------------------------------------------------------------------------
-
-
-def test_classes_counted_by_hand() -> None:
-    """Each class has its seconds, the share guessed right, and of that the share with the last second inside."""
-    expected = {"bow": (16, 10 / 16, 1.0), "jump": (20, 17 / 20, 11 / 12), "wave": (4, 0.0, 0.0)}
-    scores = score_courses([_course()], CLASSES, 1.0).classes
-    assert list(scores) == list(CLASSES)
-    for name, (frames, right, right_inside) in expected.items():
-        exact = {"seconds": frames / RATE, "right": right, "right_inside": right_inside}
-        assert scores[name] == pytest.approx(exact)
 
 
 # --- bases of the figures ---------------------------------------------------------------------------------------
@@ -110,11 +63,11 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
     still = np.full(64, NONE)
     once = still.copy()
     once[40] = WAVE
-    empty = replace(_course(), segments=(), segment=still, truth=still, guess=np.full(64, BOW))
+    empty = replace(_laid_out([], segments=()), guess=np.full(64, BOW))
     takes = [
         replace(empty, name="one", published=once, contains=(WAVE, BOW), person="ann"),
         replace(empty, name="two", published=still, contains=(WAVE,), person="ann"),
-        replace(empty, name="three", published=once),
+        replace(empty, name="three", published=once, contains=()),
     ]
     score = score_courses(takes, CLASSES, 1.0)
     assert score.values["takes_found"] == pytest.approx(1 / 3)
@@ -169,14 +122,21 @@ def _moments(course: Course) -> list[Moment]:
 def test_any_course_is_scored_as_a_walk_through_its_moments(
     seed: int, takes: int, window: float, most_apart: int
 ) -> None:
-    """Every figure of random courses is the one that walking through them moment by moment gives."""
+    """Every figure of random courses, and of each class, is the one that walking through them by moments gives."""
     generator = np.random.default_rng(seed)
     courses = [_random_course(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
-    exact = naive_score.stream_score([_moments(course) for course in courses], window, LASTING)
-    figures = _figures(courses, window)
-    assert figures.keys() == exact.keys()
+    courses = [replace(course, name=f"{place}") for place, course in enumerate(courses)]
+    walked, score = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
+    exact = naive_score.stream_score(walked, window, LASTING)
+    assert score.values.keys() == exact.keys()
     for name, value in exact.items():
-        assert figures[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
+        assert score.values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
+    for name, found in score.classes.items():
+        own = [moment for take in walked for moment in take if moment.truth == CLASSES.index(name)]
+        inside = [moment for moment in own if moment.time - window >= moment.start]
+        shares = [naive_score.time_share(lambda m: m.guess == m.truth, each) for each in (own, inside)]
+        assert found["seconds"] == pytest.approx(sum(moment.lasts for moment in own))
+        assert (found["right"], found["right_inside"]) == pytest.approx(tuple(each or 0.0 for each in shares))
 
 
 # --- answers over time --------------------------------------------------------------------------------------------
@@ -192,27 +152,18 @@ def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcom
 
 def test_a_course_holds_each_answer_until_the_next() -> None:
     """Answers of hops and events hold from their time until the next, at every frame."""
-    changes = sorted({*GUESSES, *SCORES, *(edge for stretch in HELD_BACK for edge in stretch)} - {2.5, 8.0})
-    hand = _course()
-    recognitions = [
-        _recognition(
-            time,
-            hand.guess[round(time * RATE)],
-            hand.score[round(time * RATE)],
-            Outcome.NAMED if hand.published[round(time * RATE)] >= 0 else Outcome.UNKNOWN,
-        )
-        for time in [*changes, 2.5]
-    ]
-    recognitions.sort(key=lambda each: each.time)
-    events = [Event("p", EventKind.START, "bow", BOW, 0.9, 1.0)]
-    for time, index in list(EVENTS.items())[1:]:
-        events.append(Event("p", EventKind.END, events[-1].label, events[-1].index, 0.9, time))
-        events.append(Event("p", EventKind.START, CLASSES[index], index, 0.9, time))
-    recognitions[0] = replace(recognitions[0], events=tuple(events))
-    course = _laid_out(recognitions)
-    assert course.answers is recognitions
-    for name in Course.__dataclass_fields__.keys() - {"answers"}:
-        assert np.array_equal(getattr(course, name), getattr(hand, name), equal_nan=name == "score"), name
+    told = ((0.5, BOW, 0.9, Outcome.UNKNOWN), (1.0, JUMP, 0.8, Outcome.NAMED), (3.0, BOW, 0.7, Outcome.NAMED))
+    answers = [_recognition(*each) for each in told]
+    happened = ((EventKind.START, JUMP, 1.5), (EventKind.END, JUMP, 3.5), (EventKind.START, WAVE, 3.5))
+    events = tuple(Event("p", kind, CLASSES[index], index, 0.9, time) for kind, index, time in happened)
+    course = _laid_out([replace(answers[0], events=events), *answers[1:]])
+    assert course.guess.tolist() == [NONE] * 4 + [BOW] * 4 + [JUMP] * 16 + [BOW] * 40
+    assert course.published.tolist() == [NONE] * 8 + [JUMP] * 16 + [BOW] * 40
+    assert course.event.tolist() == [NONE] * 12 + [JUMP] * 16 + [WAVE] * 36
+    assert np.array_equal(course.score, [np.nan] * 4 + [0.9] * 4 + [0.8] * 16 + [0.7] * 40, equal_nan=True)
+    assert course.segment.tolist() == [0] * 16 + [NONE] * 4 + [1] * 20 + [2] * 20 + [3] * 4
+    assert course.truth.tolist() == [BOW] * 16 + [NONE] * 4 + [JUMP] * 20 + [NONE] * 20 + [WAVE] * 4
+    assert (course.name, course.segments, len(course.answers)) == ("take", SEGMENTS, 3)
 
 
 def _laid_out(
@@ -459,26 +410,6 @@ def _repeated(values: list[list[float]], counts: list[int]) -> list[float]:
 # --- shares and rates --------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
-def test_a_ratio_is_drawn_by_units(seed: int, units: int) -> None:
-    """A share of drawn units is the quotient of the two sums over them."""
-    generator = np.random.default_rng(seed)
-    among = generator.integers(0, 20, units).tolist()
-    counted = [int(generator.integers(0, each + 1)) for each in among]
-    figure = Ratio(counted, among, 60.0)
-    shares = [
-        60 * sum(np.multiply(counts, counted)) / below if (below := sum(np.multiply(counts, among))) else None
-        for counts in naive_score.drawn_again(units, FIRST)
-    ]
-    assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
-    expected = naive_score.middle(shares)
-    assert figure.interval() == (expected and pytest.approx(expected))
-
-
-# --- percentiles -------------------------------------------------------------------------------------------------
-
-
 @settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([50.0, 90.0]))
 def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
@@ -494,9 +425,6 @@ def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
 
 def _approx(value: float | None) -> object:
     return None if value is None else pytest.approx(value)
-
-
-# --- ROC area ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -518,22 +446,24 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
     assert figure.interval() == pytest.approx(naive_score.middle(areas))
 
 
-# --- persons -----------------------------------------------------------------------------------------------------
-
-
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.sampled_from("abcd"), st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=12))
-def test_a_ratio_is_drawn_by_persons(units: list[tuple[str, int, int]]) -> None:
-    """A person is drawn with all units, as often as persons alone would be drawn."""
+def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]]) -> None:
+    """It is the quotient of the sums over what is drawn; a person, drawn as persons alone would be, has all units."""
     persons, counted, among = zip(*units, strict=True)
-    everyone = sorted(set(persons))
-    shares = []
-    for times in naive_score.drawn_again(len(everyone), FIRST):
-        drawn = [everyone[place] for place, count in enumerate(times) for _ in range(count)]
-        above, below = (sum(sum(each[at] for each in units if each[0] == person) for person in drawn) for at in (1, 2))
-        shares.append(above / below if below else None)
-    expected = naive_score.middle(shares)
-    assert Ratio(counted, among, persons=(persons,)).interval(by_person=True) == (expected and pytest.approx(expected))
+    figure, everyone = Ratio(counted, among, 60.0, persons=(persons,)), sorted(set(persons))
+    assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
+    for by_person, of in (
+        (False, [[each] for each in units]),
+        (True, [[u for u in units if u[0] == p] for p in everyone]),
+    ):
+        sums = np.array([np.sum([each[1:] for each in own], axis=0) for own in of])
+        drawn = [
+            np.multiply(sums, np.array(counts)[:, None]).sum(axis=0)
+            for counts in naive_score.drawn_again(len(of), FIRST)
+        ]
+        expected = naive_score.middle([60 * above / below if below else None for above, below in drawn])
+        assert figure.interval(by_person=by_person) == (expected and pytest.approx(expected))
 
 
 # --- nothing to take a figure of ---------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import PATIENCE
+from programs import PATIENCE, until
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Response
@@ -345,13 +345,6 @@ def test_rubbish_is_counted(topic: bytes, rest: bytes) -> None:
 NOBODY = "tcp://127.0.0.1:9"
 
 
-def _wait(true: Callable[[], bool]) -> None:
-    until = time.monotonic() + PATIENCE
-    while not true() and time.monotonic() < until:
-        time.sleep(0.02)
-    assert true()
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has other signals")
 def test_a_page_whose_process_died_is_started_again_once() -> None:
@@ -360,12 +353,12 @@ def test_a_page_whose_process_died_is_started_again_once() -> None:
     with PageProcess(PagePlan("127.0.0.1:0", NOBODY), said.append) as page:
         address, again = page.address, f"page: {page.address}"
         os.kill(page._child.process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as the system does when memory is short
-        _wait(lambda: again in said)
+        until(lambda: again in said)
         assert said == ["page: its process died (-9) and is started again", again]
         with urllib.request.urlopen(address) as reply:  # noqa: S310 - our own
             assert reply.status == 200
         os.kill(page._child.process.pid or 0, signal.SIGKILL)  # noqa: SLF001 - as above
-        _wait(lambda: len(said) > 2)
+        until(lambda: len(said) > 2)
         assert said[2:] == ["page: its process died again; kinespace goes on without it"]
     with PageProcess(PagePlan("127.0.0.1:0", NOBODY), said.append):
         pass

@@ -3,17 +3,16 @@
 import json
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import cycle
 
 import numpy as np
 import pytest
-from golden import LAYOUTS, Moment, bundle, message
+from golden import LAYOUTS, bundle, message, moments
 from programs import LOOPBACK, finished, free_udp_port, ghost_cues
 from skeletons import names_of
 
-from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
@@ -29,12 +28,9 @@ PRESETS = [builtin_preset(name) for name in builtin_names()]
 
 def surveyed(layout: str, frames: int = 6, *, without: int = 0) -> Survey:
     """Let a survey see some frames of a layout at 30 Hz, a number of datagrams of each left out."""
-    survey = Survey()
-    _, packets = LAYOUTS[layout]
-    for number, cue in enumerate(ghost_cues("squat1Reps", 0.5)[: 4 * frames : 4]):
-        places = dict(zip(SKELETON.joints, cue.frame.positions, strict=True))
-        time = 1.0 + number / 30
-        for place, packet in enumerate(packets(Moment(places, time, number))[without:]):
+    survey, shown = Survey(), ghost_cues("squat1Reps", 0.5)[: 4 * frames : 4]
+    for time, packets in moments(layout, [cue.frame.positions for cue in shown]):
+        for place, packet in enumerate(packets[without:]):
             survey.keep(packet, time + place * 1e-5, ("10.0.0.7", 5000))
     return survey
 
@@ -84,17 +80,15 @@ def test_silence_and_foreign_packets_have_messages() -> None:
 def sending(layout: str, port: int) -> Iterator[None]:
     """Send frames of a layout over and over while the block runs."""
     over = threading.Event()
-    cues = ghost_cues("squat1Reps", 0.5)[::4]
+    positions = cycle([cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]])
 
     def send() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            number = 0
-            while not over.is_set():
-                places = dict(zip(SKELETON.joints, cues[number % len(cues)].frame.positions, strict=True))
-                for packet in LAYOUTS[layout][1](Moment(places, 1.0 + number / 30, number)):
+            for _, packets in moments(layout, positions):
+                for packet in packets:
                     sender.sendto(packet, (LOOPBACK, port))
-                number += 1
-                time.sleep(1 / 30)
+                if over.wait(1 / 30):
+                    return
 
     thread = threading.Thread(target=send)
     thread.start()

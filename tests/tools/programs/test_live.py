@@ -4,17 +4,17 @@ import json
 import signal
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from itertools import cycle, islice
 from pathlib import Path
 
 import pytest
 from fakes import FakeReceiver
-from golden import LAYOUTS, Moment, message
-from programs import LOOPBACK, PATIENCE, builtin_library, ghost_cues, live, started
+from golden import message, moments
+from programs import LOOPBACK, builtin_library, ghost_cues, live, started, until
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, Settings, osc
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import Source
@@ -113,31 +113,16 @@ def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pyt
 PLACE = "127.0.0.1", 9310
 
 
-def packets_of(layout: str) -> Iterator[tuple[bytes, float]]:
-    """Give two seconds of a product's packets with their arrivals."""
-    cues = ghost_cues("squat1Reps", 0.5)[::4]
-    for number in range(60):
-        places = dict(zip(SKELETON.joints, cues[number % len(cues)].frame.positions, strict=True))
-        for packet in LAYOUTS[layout][1](Moment(places, 1 + number / 30, number)):
-            yield packet, 1 + number / 30
-
-
-def note_of(unread: Unread, now: float) -> str:
-    """Wait for a note: it is made in a thread."""
-    until = time.monotonic() + PATIENCE
-    while not (note := unread.note(now)) and time.monotonic() < until:
-        time.sleep(0.01)
-    return note
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("layout", "run"), [("vmc", "--feed vmc"), ("osceleton", "--feed osceleton")])
 def test_a_known_feed_is_named_with_the_command_that_reads_it(layout: str, run: str) -> None:
     """As `listen` says it, with the port that the packets come to; after a silence nothing is said."""
     unread = Unread(PLACE, None)
-    for packet, arrival in packets_of(layout):
-        unread.keep(packet, arrival, ("127.0.0.1", 5000))
-    assert f"end this and run: kinespace live {run} --osc-in 127.0.0.1:9310" in note_of(unread, 3.0)
+    positions = [cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]]
+    for arrival, packets in moments(layout, islice(cycle(positions), 60)):
+        for packet in packets:
+            unread.keep(packet, arrival, ("127.0.0.1", 5000))
+    assert f"end this and run: kinespace live {run} --osc-in 127.0.0.1:9310" in until(lambda: unread.note(3.0))
     assert unread.note(60.0) == ""
 
 

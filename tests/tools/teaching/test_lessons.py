@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import zmq
 from fakes import FakeSink
-from programs import PATIENCE
+from programs import PATIENCE, until
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, library_file
 from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
@@ -68,13 +68,8 @@ class Stage:
 
     def until(self, enough: Callable[[FakeSink], bool]) -> FakeSink:
         """Wait until the listener has heard enough."""
-        until = time.monotonic() + PATIENCE
-        while time.monotonic() < until:
-            self.lessons.tend(time.monotonic())
-            if enough(self.heard):
-                return self.heard
-            time.sleep(0.01)
-        raise AssertionError(self.heard.notices)
+        until(lambda: (self.lessons.tend(time.monotonic()), enough(self.heard))[1])
+        return self.heard
 
 
 @pytest.fixture
@@ -219,10 +214,8 @@ def test_an_example_that_cannot_be_compared_takes_no_other_with_it() -> None:
     for change in changes:
         opener.open(change)
     windows.may_end.set()
-    until, notices = time.monotonic() + PATIENCE, list[object]()
-    while 3 not in windows.opened[4:] and len(windows.opened) < 6 and time.monotonic() < until:
-        notices += opener.results()
-        time.sleep(0.01)
+    notices = list[object]()
+    until(lambda: (notices.extend(opener.results()), 3 in windows.opened[4:] or len(windows.opened) >= 6)[1])
     opener.close()
     notices += opener.results()
     refused = [each.reason for each in notices if isinstance(each, State) and each.step is Step.REFUSED]
@@ -297,10 +290,7 @@ def test_a_stranger_at_the_control_learns_nothing(
         asking.linger = 0
         asking.connect(control.address)
         asking.send(b'{"do":"list"}')
-        until = time.monotonic() + PATIENCE
-        while not (asked := control.take(0.0)) and time.monotonic() < until:
-            time.sleep(0.01)
-        stage.lessons.carry_out((asked or ())[0])
+        stage.lessons.carry_out((until(lambda: control.take(0.0)) or ())[0])
         reply = json.loads(asking.recv())
     assert ("classes" in reply, len(reply) == 1) == (may, not may)
     assert control.counts.foreign == (not may)

@@ -3,29 +3,19 @@ import os
 import shutil
 import sys
 import threading
-import time
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import PATIENCE
+from programs import PATIENCE, until
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, library_file
 from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import Step
 from kinespace.tools.cli.console import require_place_for
 from kinespace.tools.teaching.roster_file import RosterFile
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait until a condition holds."""
-    end = time.monotonic() + PATIENCE
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    assert condition()
 
 
 @pytest.fixture

@@ -9,15 +9,13 @@ import naive
 import numpy as np
 import pytest
 from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames, write_pair
-from written import MOVES, TURNS, Node, bvh_text, csv_table, write_c3d
+from written import MOVES, TURNS, Node, bvh_text, csv_table
 
 from kinespace.library import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.recordings import RecordingError, read_recordings
 from kinespace.library.recordings.formats import bvh, joint_table
 from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
-from kinespace.library.recordings.formats.joint_choice import chosen, short_names
-from kinespace.library.recordings.formats.markers import c3d
 from kinespace.library.recordings.formats.units import guessed_metres, metres_of
 from kinespace.library.signature.body import Body
 
@@ -60,16 +58,6 @@ def test_real_clips_stand_where_the_recursion_puts_them(
     for clip, path in zip(amc_clips, some_paths, strict=True):
         expected = naive.clip_positions(hdm05_folder / f"HDM_{clip.actor}.asf", path, every=40)
         np.testing.assert_allclose(clip.positions[::40], expected, rtol=1e-9, atol=1e-9)
-
-
-def test_a_bones_children_may_be_listed_again(tmp_path: Path) -> None:
-    """Joints stand in the order of the hierarchy's lines, children of one line side by side."""
-    body = TinyBody(tuple(TinyBone(name, dof=()) for name in "abcd"))
-    hierarchy = ":hierarchy\n  begin\n    root c a\n    a d\n    root b\n  end\n"
-    (tmp_path / "tiny.asf").write_text(body.asf().partition(":hierarchy")[0] + hierarchy)
-    skeleton = read_asf(tmp_path / "tiny.asf").skeleton
-    assert skeleton.joints == ("root", "c", "a", "d", "b")
-    assert skeleton.parents == (-1, 0, 0, 2, 0)
 
 
 def test_missing_frames_are_filled_with_straight_lines(tmp_path: Path) -> None:
@@ -180,18 +168,6 @@ def test_the_rate_is_the_whole_number_the_period_was_rounded_from(tmp_path: Path
     assert bvh.read_clips(tmp_path / "tiny.bvh")[0].frame_rate == pytest.approx(rate, rel=1e-12)
 
 
-def test_many_frames_are_placed_as_few_are(tmp_path: Path) -> None:
-    """Frames in several blocks have the same positions as alone, in both formats."""
-    frames = np.random.default_rng(5).uniform(-90, 90, (4100, 9)).tolist()
-    places = stand(tmp_path, TURNS, *frames)
-    motion = arm_frames(4100)
-    clip = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion)))
-    for index in (0, 4095, 4096, 4099):
-        np.testing.assert_array_equal(places[index], stand(tmp_path, TURNS, frames[index])[0])
-        alone = read_clip(write_pair(tmp_path, ARM.asf(), amc_text(motion[index : index + 1])))
-        np.testing.assert_array_equal(clip.positions[index], alone.positions[0])
-
-
 def test_roots_without_joints_are_no_body(tmp_path: Path) -> None:
     """A file of such alone is refused in words."""
     alone = "ROOT {}\n{{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}}\n"
@@ -203,31 +179,10 @@ def test_roots_without_joints_are_no_body(tmp_path: Path) -> None:
 
 # --- C3D and tables --------------------------------------------------------------------------------------------------
 
-LABELS = ("hip", "knee", "heel")
 WALK = np.random.default_rng(3).uniform(0.0, 900.0, (40, 3, 3))
 
 
 # --- C3D ---------------------------------------------------------------------------------------------------------
-
-
-def test_results_that_are_no_positions_are_passed_over(tmp_path: Path) -> None:
-    """Angles that the file lists as such and unlabelled markers are left out, unless they are named one by one."""
-    positions = np.concatenate([WALK, WALK[:, :2]], axis=1)
-    path = tmp_path / "walk.c3d"
-    write_c3d(path, (*LABELS, "*12", "hipAngles"), positions, angles=["hipAngles"])
-    assert c3d.read_clips(path)[0].skeleton.joints == LABELS
-    assert c3d.read_clips(path, joints=("hip*", "knee"))[0].skeleton.joints == ("hip", "knee")
-    assert c3d.read_clips(path, joints=("hipAngles", "knee"))[0].skeleton.joints == ("knee", "hipAngles")
-
-
-def test_the_size_of_the_body_gives_the_unit_of_a_c3d(tmp_path: Path) -> None:
-    """Where POINT:UNITS is empty the body's size tells millimetres from metres; nothing seen, nothing read."""
-    for scale in (1.0, 0.001):
-        write_c3d(tmp_path / "walk.c3d", LABELS, WALK * scale, unit="")
-        np.testing.assert_allclose(c3d.read_clips(tmp_path / "walk.c3d")[0].positions, WALK / 1000, rtol=1e-5)
-    write_c3d(tmp_path / "walk.c3d", LABELS, np.full_like(WALK, np.nan), unit="")
-    with pytest.raises(ValueError, match="expected 2 markers or more that are seen, got 0 of 3"):
-        c3d.read_clips(tmp_path / "walk.c3d")
 
 
 # --- tables ------------------------------------------------------------------------------------------------------
@@ -274,17 +229,6 @@ def test_tables_labels_and_libraries_are_told_apart(tmp_path: Path) -> None:
 
 
 # --- the parts ---------------------------------------------------------------------------------------------------
-
-
-def test_names_are_chosen_by_pattern_in_the_files_order() -> None:
-    """Patterns fit whole labels or the part after the colon; the order is the file's; no match is an error."""
-    labels = ["a:hip", "a:knee", "b:hip", "toe"]
-    assert chosen(labels, ()) == [0, 1, 2, 3]
-    assert chosen(labels, ("toe", "hip")) == [0, 2, 3]
-    assert chosen(labels, ("a:*", "t?e")) == [0, 1, 3]
-    with pytest.raises(ValueError, match="no joint is called 'nose'"):
-        chosen(labels, ("hip", "nose"))
-    assert short_names(labels[1:]) == (("knee", "hip", "toe"), [])
 
 
 def test_units_are_known_by_name_and_by_number() -> None:

@@ -202,17 +202,6 @@ def test_renaming_leaves_other_labels() -> None:
 # --- cutting -----------------------------------------------------------------------------------------------------
 
 
-def test_a_cut_clip_is_its_segments_frames() -> None:
-    """Positions and rotations are the segment's, the class is its label, the take the take's name, the rest stays."""
-    take = _take()
-    first, second = cut(take, [Segment(0.2, 0.6, "bow"), Segment(0.6, 2.0, "jump")])
-    assert np.array_equal(first.positions, take.positions[10:30])
-    assert np.array_equal(first.rotations, take.rotations[10:30])
-    assert np.array_equal(second.positions, take.positions[30:100])
-    assert (first.class_name, first.take, first.actor, first.frame_rate) == ("bow", "evening", "bb", 50.0)
-    assert second.class_name == "jump"
-
-
 @given(
     st.sampled_from([24.0, 29.97, 50.0, 120.0]),
     st.lists(st.integers(1, 4000), min_size=2, max_size=6, unique=True).map(sorted),

@@ -135,18 +135,6 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
 # --- the file ----------------------------------------------------------------------------------------------------
 
 
-def test_an_existing_library_is_replaced_whole_if_ordered(tmp_path: Path) -> None:
-    """With --overwrite; `test_bad_input` tries it without."""
-    (tmp_path / "cut").mkdir()
-    (tmp_path / "made").mkdir()
-    output = tmp_path / "made" / "mine.npz"
-    output.write_bytes(b"something else")
-    write_clips(tmp_path / "cut", takes=1)
-    assert build(tmp_path / "cut", "-o", output, "--overwrite") == 0
-    assert len(MotionLibrary.load(output)) == 6
-    assert list(output.parent.iterdir()) == [output]
-
-
 # --- cut -------------------------------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, PATIENCE, Program, started
+from programs import LOOPBACK, PATIENCE, Program, started, until
 from recorded import JOINTS
 
 from kinespace.stream import Announcement, Frame, osc
@@ -58,13 +58,6 @@ def received(receiver: osc.OscReceiver, count: int) -> list[bytes]:
     return got
 
 
-def wait_for(path: Path, packets: int) -> None:
-    """Wait until so many packets are on the disk."""
-    until = time.monotonic() + PATIENCE
-    while len(list(RawFile(path).packets())) < packets and time.monotonic() < until:
-        time.sleep(0.05)
-
-
 def replay(*arguments: object) -> int:
     """Run `kinespace replay` in this process."""
     return main(["replay", *map(str, arguments)])
@@ -82,7 +75,7 @@ def test_recorded_packets_are_replayed_bit_for_bit(
         for datagram in sent:
             sender.send(datagram)
             time.sleep(0.001)
-        wait_for(path, 200)
+        until(lambda: len(list(RawFile(path).packets())) >= 200)
         assert program.interrupt() == 0
         assert program.errors == ""
         assert "200 packets" in program.output

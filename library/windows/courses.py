@@ -66,6 +66,11 @@ _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 _OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 #: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
+#: Persons of every class, at least, of whom it is learned how people differ in one motion; the share of equal scatter.
+_PERSONS, _SHRINKAGE = 3, 0.4
+#: Limits of whole motions are then such shares of what other classes and everyday movement cost, and at most this; but
+#: at most so many times what this share of a class's motions cost each other, unless that is below the last share.
+_OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.85, 0.93), 0.65, 1.8, 0.8, 0.65
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Directions by which pieces are screened, and pieces from which the directions are computed, at most.
@@ -95,12 +100,13 @@ class Pieces(NamedTuple):
     lengths: Floats
 
     @classmethod
-    def of(cls, points: NDArray[np.floating]) -> Self:
-        """Take pieces at equal way, shape (pieces, POINTS, numbers)."""
+    def of(cls, points: NDArray[np.floating], axes: Floats | None = None) -> Self:
+        """Take pieces at equal way, shape (pieces, POINTS, numbers); `axes` weigh directions, (numbers, numbers)."""
         points = points.astype(np.float32, copy=False)
         steps = points[:, 1:] - points[:, :-1]
         lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
         directions = steps / np.maximum(lengths, np.float32(_TINY))[:, :, None]
+        directions = directions if axes is None else directions @ axes
         courses = np.matmul(_blur(), directions).reshape(len(points), (POINTS - 1) * points.shape[2])
         ways, widths = np.abs(steps).sum(axis=1), points.max(axis=1) - points.min(axis=1)
         return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1))
@@ -228,6 +234,9 @@ class Courses:
         The screen of the pieces.
     limits
         The cost below which a whole motion is seen, and its first part: shape (2, motions).
+    axes
+        What directions are weighed by, shape (numbers, numbers): those in which people differ in one motion count
+        less. None in a library of less than three persons.
     seconds
         How long each motion lasts, shape (motions,).
     crossed
@@ -241,6 +250,7 @@ class Courses:
     pieces: Pieces = field(repr=False)
     screen: Screen = field(repr=False)
     limits: Floats = field(repr=False)
+    axes: Floats | None = field(repr=False)
     seconds: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
     counts: tuple[int, ...]
@@ -253,25 +263,30 @@ class Courses:
             none = Pieces.of(np.zeros((0, POINTS, 1)))
             empty = np.zeros(0)
             screen, limits = Screen.of(none.courses), np.zeros((2, 0), np.float32)
-            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, empty, empty, ())
+            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, None, empty, empty, ())
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
-        pieces = Pieces.of(whole), Pieces.of(begun)
+        axes = _axes(Pieces.of(whole).courses, cut, of_class)
+        pieces = Pieces.of(whole, axes), Pieces.of(begun, axes)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
         several = np.isin(of_class, of_class[np.isfinite(crossed)])
-        typical, (unwanted, counts_for) = _everyday_costs(cut, motions[0].skeleton), _unwanted(motions, cut, of_class)
+        typical = _everyday_costs(cut, motions[0].skeleton, axes)
+        unlike = _least_costs(pieces, *_unwanted(cut, of_class, axes))
         limits = np.zeros((2, len(cut)), dtype=np.float32)
-        unlike = _of_unwanted(pieces, several, unwanted, counts_for)
-        for limit, highest, share, others in zip(limits, _MOST, _OF_EVERYDAY, unlike, strict=True):
-            limit[:] = np.minimum(np.minimum(np.where(several, _MOST_CROSSED, highest), others), share * typical)
-        if len(classes) > 1:
+        others = _shares(several) * unlike
+        for limit, highest, share, other in zip(limits, _MOST, _OF_EVERYDAY, others, strict=True):
+            limit[:] = np.minimum(np.minimum(np.where(several, _MOST_CROSSED, highest), other), share * typical)
+        if axes is not None:
+            limits[0] = _of_persons(crossed, of_class, typical, unlike[0])
+        elif len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts = _counts(float(seconds.max()))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
-        return cls(tuple(classes.tolist()), starts, both, screen, limits, seconds, crossed, counts)
+        known = cls(tuple(classes.tolist()), starts, both, screen, limits, axes, seconds, crossed, counts)
+        return known.lowered([clip for clip in motions if clip.class_name == NOTHING])
 
     @property
     def whole(self) -> Pieces:
@@ -289,15 +304,15 @@ class Courses:
         others = np.maximum.reduceat(np.isfinite(self.crossed), self.starts) if len(self.starts) else ()
         return frozenset(name for name, known in zip(self.classes, others, strict=True) if known)
 
-    def lowered(self, unwanted: Sequence[Clip]) -> "Courses":
-        """Lower the limits by further motions that must not be said, as `of` all of them does."""
+    def lowered(self, unwanted: Sequence[Clip]) -> Self:
+        """Lower the limits by motions that must not be said."""
         paths = [path_of(clip) for clip in unwanted if clip.frames > 1]
         if not self.counts or not paths:
             return self
-        windows = Pieces.of(np.concatenate([windows_of(path, self.counts) for path in paths]))
+        windows = Pieces.of(np.concatenate([windows_of(path, self.counts) for path in paths]), self.axes)
         of_class = np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right")
         several = np.isin(of_class, of_class[np.isfinite(self.crossed)])
-        least = _of_unwanted((self.whole, self.begun), several, windows, np.ones((1, 1), dtype=bool))
+        least = _shares(several) * _least_costs((self.whole, self.begun), windows, np.ones((1, 1), dtype=bool))
         limits = np.minimum(self.limits, least.astype(np.float32))
         return replace(self, limits=limits, crossed=self.crossed * self.limits[0] / limits[0])
 
@@ -438,7 +453,38 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
     return crossed
 
 
-def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:
+def _axes(courses: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> Floats | None:
+    """Learn how people differ in one motion, and weigh directions by it (within-class covariance, Hatch et al. 2006).
+
+    Each motion differs from the nearest one of every other person. All classes count alike.
+
+    Parameters
+    ----------
+    courses
+        The courses of the motions, not weighed.
+
+    Returns
+    -------
+    Shape (numbers, numbers); None where a class has too few persons.
+    """
+    numbers, actors = courses.shape[1] // (POINTS - 1), np.array([each.actor for each in cut])
+    scatter = np.zeros((numbers, numbers))
+    for place in np.unique(of_class):
+        own = of_class == place
+        people = np.unique(actors[own])
+        if len(people) < _PERSONS:
+            return None
+        for person in people:
+            theirs, others = (courses[own & (actors == person)], courses[own & (actors != person)])
+            differ = (others - theirs[(others @ theirs.T).argmax(axis=1)]).reshape(-1, numbers)
+            scatter += differ.T @ differ / (len(differ) * len(people))
+    scatter *= (1 - _SHRINKAGE) * numbers / np.trace(scatter)
+    values, vectors = np.linalg.eigh(scatter + _SHRINKAGE * np.eye(numbers))
+    axes: Floats = ((vectors / np.sqrt(values)) @ vectors.T).astype(np.float32)
+    return axes
+
+
+def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, axes: Floats | None) -> Numbers:
     """Give what everyday movement costs the parts of each motion, the mean of their least; infinite for unknown."""
     typical, begins = everyday(skeleton), np.linspace(0.0, 1.0 - 1 / _PARTS, 2 * _PARTS - 1)
     if typical is None:
@@ -447,23 +493,16 @@ def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton) -> Numbers:
     for each in cut:
         ways = ways_of(each.points)
         read.append(at_equal_way(each.points, ways, begins * ways[-1], (begins + 1 / _PARTS) * ways[-1]))
-    least = Pieces.of(np.concatenate(read)).costs(typical).min(axis=1)
+    least = Pieces.of(np.concatenate(read), axes).costs(Pieces.of(typical, axes)).min(axis=1)
     costs: Numbers = least.reshape(len(cut), -1).mean(axis=1, dtype=np.float64)
     return costs
 
 
-def _unwanted(
-    motions: Sequence[Clip], cut: Sequence[_Cut], of_class: NDArray[np.intp]
-) -> tuple[Pieces, NDArray[np.bool_]]:
-    """Give windows that must not be said, and for which motions: (motions, windows).
-
-    These are the windows of motions called `nothing`, and for each motion the windows of other classes' motions.
-    """
+def _unwanted(cut: Sequence[_Cut], of_class: NDArray[np.intp], axes: Floats | None) -> tuple[Pieces, NDArray[np.bool_]]:
+    """Give windows of all motions, and for which motions each must not be said: other classes', (motions, windows)."""
     counts, most = _counts(max(len(each.points) - 1 for each in cut) * STEP), -(-_MAX_OTHERS // len(cut))
-    paths = [path_of(clip) for clip in motions if clip.class_name == NOTHING and clip.frames > 1]
-    read = [windows_of(each.points, counts, most) for each in cut] + [windows_of(path, counts) for path in paths]
-    whose = np.repeat([*of_class.tolist(), *[-1] * len(paths)], [len(each) for each in read])
-    return Pieces.of(np.concatenate(read)), of_class[:, None] != whose
+    read = [windows_of(each.points, counts, most) for each in cut]
+    return Pieces.of(np.concatenate(read), axes), of_class[:, None] != np.repeat(of_class, [len(each) for each in read])
 
 
 def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Floats:
@@ -482,26 +521,34 @@ def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS)
     return at_equal_way(points, ways, begin[some], end[some])
 
 
-def _of_unwanted(
-    pieces: tuple[Pieces, Pieces], several: NDArray[np.bool_], windows: Pieces, counts_for: NDArray[np.bool_]
-) -> Numbers:
-    """Give the limits of whole motions and of first parts by windows that must not be said, shape (2, motions).
+def _least_costs(pieces: tuple[Pieces, Pieces], windows: Pieces, counts_for: NDArray[np.bool_]) -> Numbers:
+    """Give the least cost of whole motions and of first parts by windows that must not be said, shape (2, motions).
 
     Parameters
     ----------
     pieces
         Whole motions, and first parts.
-    several
-        For each motion whether its class has several.
     windows, counts_for
         The windows, and for which motions each counts, (motions, windows).
     """
-    limits = np.zeros((2, len(several)))
-    for limit, each, crossing in zip(limits, pieces, _OF_OTHERS_CROSSED, strict=True):
-        # A live window may go a little farther, with the rest of a movement behind it.
-        alike = each.as_far(windows, 1.5 * MAX_WAY) & counts_for
-        least = np.where(alike, each.costs(windows), np.inf).min(axis=1, initial=np.inf)
-        limit[:] = np.where(several, crossing, _OF_OTHERS) * least
+    # A live window may go a little farther, with the rest of a movement behind it.
+    costs = [np.where(each.as_far(windows, 1.5 * MAX_WAY) & counts_for, each.costs(windows), np.inf) for each in pieces]
+    return np.array([each.min(axis=1, initial=np.inf) for each in costs])
+
+
+def _shares(several: NDArray[np.bool_]) -> Numbers:
+    """Give the shares of what must not be said for motions whose class has several or not, shape (2, motions)."""
+    return np.where(several, np.array(_OF_OTHERS_CROSSED)[:, None], _OF_OTHERS)
+
+
+def _of_persons(crossed: Numbers, of_class: NDArray[np.intp], typical: Numbers, unlike: Numbers) -> Numbers:
+    """Give the limits of whole motions that several persons show, shape (motions,)."""
+    limits = np.minimum(_MOST_STRANGE, np.minimum(_OF_STRANGE[0] * unlike, _OF_STRANGE[1] * typical))
+    for place in np.unique(of_class):
+        own = of_class == place
+        # Where nobody else goes as far, a motion resembles none.
+        usual = _OF_CROSSED * np.quantile(np.nan_to_num(crossed[own], nan=1.0), _CROSSED)
+        limits[own] = np.clip(usual, _LEAST_CROSSED * limits[own], limits[own])
     return limits
 
 
@@ -537,7 +584,7 @@ def _everyday() -> Floats | None:
 
 
 @lru_cache(maxsize=8)
-def everyday(skeleton: Skeleton) -> Pieces | None:
+def everyday(skeleton: Skeleton) -> Numbers | None:
     """Give typical windows of everyday movement over a skeleton's joints; None without shoulders or hips.
 
     They are means of many people's windows (`kinespace learn`), over HDM05's joints. A joint that HDM05 does not have
@@ -551,4 +598,4 @@ def everyday(skeleton: Skeleton) -> Pieces | None:
     for place, name in enumerate(skeleton.joints):
         if name in places:
             windows[:, :, place] = learned.reshape(*learned.shape[:2], -1, 3)[:, :, places[name]]
-    return Pieces.of(windows.reshape(*learned.shape[:2], -1))
+    return windows.reshape(*learned.shape[:2], -1)

@@ -32,9 +32,9 @@ _SHORTEST = 0.5
 #: Seconds for which evidence for a class counts, the power of e by which a limit grows with each unit, and the least
 #: growth.
 _EVIDENT_FOR, _GROWTH, _LEAST_GROWTH = 1.5, 0.2, 0.7
-#: The greatest growth of a limit: of a class with one motion, and with several, whose limits are wider and must not
-#: reach motions that are broken off.
-_MOST_GROWTH, _MOST_SEVERAL = 1.8, 1.3
+#: The greatest growth of a limit: of a class with one motion; with several, and with those of several persons, whose
+#: limits are wider and must not reach motions that are broken off.
+_MOST_GROWTH, _MOST_SEVERAL, _MOST_PERSONS = 1.8, 1.3, 1.1
 #: Looks for which a motion that costs more than its own limit may come nearer.
 _WAITS = 3
 #: A course that costs so many times its limit is near.
@@ -135,7 +135,8 @@ class DoneFollower:
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
         self._limits, self._several = np.float32(self._share) * courses.limits.ravel(), courses.several
-        self._most_growth = {name: _MOST_SEVERAL if name in self._several else _MOST_GROWTH for name in courses.classes}
+        most = _MOST_SEVERAL if courses.axes is None else _MOST_PERSONS
+        self._most_growth = {name: most if name in self._several else _MOST_GROWTH for name in courses.classes}
         #: The class of each whole motion, and of each first part.
         of_motion = np.searchsorted(courses.starts, np.arange(len(courses.seconds)), side="right") - 1
         self._of_piece = np.concatenate([of_motion, of_motion])
@@ -234,7 +235,7 @@ class DoneFollower:
         if not len(counts):
             return self._sees(None, None)
         ends = np.full(len(counts), ways[last])
-        windows = Pieces.of(at_equal_way(self._points[: self._count], ways, ways[begins], ends))
+        windows = Pieces.of(at_equal_way(self._points[: self._count], ways, ways[begins], ends), self._courses.axes)
         windows = windows._replace(lengths=windows.lengths / np.float32(self._size))
         # A window must lie behind the motion before.
         free = self.time - counts * STEP >= self._over - _ROUNDING

@@ -45,12 +45,13 @@ def at_equal_way_of(path: np.ndarray) -> np.ndarray:
     return np.array(points)
 
 
-def course_of(points: np.ndarray) -> np.ndarray:
-    """Give the unit directions, each averaged with its neighbours, together of length 1."""
+def course_of(points: np.ndarray, axes: np.ndarray | None = None) -> np.ndarray:
+    """Give the unit directions, weighed by axes, each averaged with its neighbours, together of length 1."""
     directions = []
     for before, after in pairwise(points):
         step = after - before
-        directions.append(step / max(float(np.linalg.norm(step)), 1e-9))
+        direction = step / max(float(np.linalg.norm(step)), 1e-9)
+        directions.append(direction if axes is None else direction @ axes)
     blurred = [
         sum(math.exp(-0.5 * ((place - other) / BLUR) ** 2) * each for other, each in enumerate(directions))
         for place in range(len(directions))

@@ -71,9 +71,9 @@ def test_what_must_not_be_said_only_lowers_limits(
         compared = [index.library.motions[place] for place in np.unique(index.motions).tolist()]
         anew = Courses.of(compared)
         assert index.courses.classes == anew.classes
-        # One less a product of single precision.
+        # Windows that are compared together are rounded otherwise.
         assert index.courses.limits == pytest.approx(anew.limits, abs=1e-6)
-        assert index.courses.crossed == pytest.approx(anew.crossed, nan_ok=True)
+        assert index.courses.crossed == pytest.approx(anew.crossed, rel=1e-4, nan_ok=True)
     low, high = (windows.index_of(each) for each in (third, first))
     assert low.courses.limits.min() < 0.9 * high.courses.limits.min()
 

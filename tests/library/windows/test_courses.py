@@ -120,6 +120,23 @@ def test_limits_come_from_movement_that_must_not_be_said(builtin: MotionLibrary)
     assert lower.limits[0, -1] < squats
 
 
+def test_directions_in_which_people_differ_count_less(builtin: MotionLibrary) -> None:
+    """Three persons of every class teach it; other people's motions of a class are then nearer, relative to others."""
+
+    def nearer(courses: Courses) -> float:
+        squats = slice(courses.starts[1], None)
+        between = courses.whole.costs(Pieces(*(each[squats] for each in courses.whole)))[: courses.starts[1]]
+        return float(np.nanmedian(courses.crossed * courses.limits[0]) / np.median(between))
+
+    clips = clips_of(builtin, SQUAT, GRAB)
+    several = Courses.of(clips)
+    two = Courses.of([replace(each, actor="ab"[each.actor in ("bd", "bk")]) for each in clips])
+    assert several.axes is not None
+    np.testing.assert_allclose(several.axes, several.axes.T, atol=1e-5)
+    assert two.axes is None
+    assert nearer(several) < nearer(two)
+
+
 def test_classes_that_share_their_beginning_lower_limits() -> None:
     """Where two classes share their beginning it starts neither of them."""
     joints = Skeleton(("lclavicle", "rclavicle", "lhipjoint", "rhipjoint", "lhand"), (-1, 0, 0, 1, 0))

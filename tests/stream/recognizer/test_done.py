@@ -94,12 +94,12 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
 def grown_by_definition(
     known: Sequence[tuple[float, str, float]], time: float, class_name: str, *, several: bool
 ) -> float:
-    """Say how much wider a class's limits are by its best evidence of the last one and a half seconds."""
+    """Say how much wider the limits of a class of several persons are by its best evidence of the last 1.5 seconds."""
     recent = [(name, evidence) for at, name, evidence in known if at >= time - 1.5]
     if not recent:
         return 1.0
     own = [math.exp(0.2 * evidence) for name, evidence in recent if name == class_name]
-    return min(max([0.7, *own]), 1.3 if several else 1.8)
+    return min(max([0.7, *own]), 1.1 if several else 1.8)
 
 
 def seen_by_definition(  # noqa: PLR0913 - what a look depends on
@@ -122,7 +122,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
             continue
         read = naive.at_equal_way_of(window)
         way = naive.way_of(read) / size
-        course, ways = naive.course_of(read), np.abs(np.diff(read, axis=0)).sum(axis=0)
+        course, ways = naive.course_of(read, courses.axes), np.abs(np.diff(read, axis=0)).sum(axis=0)
         widths = np.ptp(read, axis=0)
         for motion, limit in enumerate(limits):
             longer = way / pieces.lengths[motion]

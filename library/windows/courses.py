@@ -70,7 +70,7 @@ _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 _PERSONS, _SHRINKAGE = 3, 0.4
 #: Limits of whole motions are then such shares of what other classes and everyday movement cost, and at most this; but
 #: at most so many times what this share of a class's motions cost each other, unless that is below the last share.
-_OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.85, 0.93), 0.65, 1.8, 0.8, 0.65
+_OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.82, 0.92), 0.62, 1.8, 0.8, 0.65
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Directions by which pieces are screened, and pieces from which the directions are computed, at most.

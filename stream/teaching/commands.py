@@ -15,9 +15,9 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 
-from kinespace.library.teaching.examples import Roster
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
 from kinespace.stream.recognition import GONE, Outcome
+from kinespace.stream.teaching.examples import Roster
 
 #: Motions an hour, said though they were not meant, that are too many; seconds from which on an hour is spoken of.
 _TOO_OFTEN, _ENOUGH = 6.0, 60.0

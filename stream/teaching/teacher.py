@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, Skeleton
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
-from kinespace.library.teaching import movement as moving
-from kinespace.library.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
-from kinespace.library.teaching.movement import MIN_SECONDS, STILLNESS, Movement, MovementMeter, Stretch, StretchFinder
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
+from kinespace.stream.teaching import movement as moving
 from kinespace.stream.teaching.commands import UNDONE, Changed, Command, State, Step, Taught, Told, Tried
+from kinespace.stream.teaching.examples import MAX_EXAMPLES, Check, Example, Roster
+from kinespace.stream.teaching.movement import MIN_SECONDS, STILLNESS, Movement, MovementMeter, Stretch, StretchFinder
 
 #: Seconds of a recording, and of standing still before it, at most.
 MAX_RECORDING, MAX_WAITING = 15.0, 15.0
@@ -66,7 +66,7 @@ class Lesson:
     now
         Seconds on our clock.
     stillness
-        Movement below which the performer stands still (`library.teaching.movement`); a performer who trembles less
+        Movement below which the performer stands still (`stream.teaching.movement`); a performer who trembles less
         in the countdown begins with less.
 
     Attributes
@@ -289,7 +289,7 @@ class Memory:
         self._meter = MovementMeter(self._skeleton)
 
     def push(self, time: float, positions: NDArray[np.floating], now: float) -> Movement | None:
-        """Take in a frame; give the movement when it is measured, else None (`library.teaching.movement`)."""
+        """Take in a frame; give the movement when it is measured, else None (`stream.teaching.movement`)."""
         self.arrived = now
         if time <= self.newest:
             if self.newest - time < _BACKWARDS:
@@ -439,7 +439,7 @@ class Teacher:
     base_classes
         Classes that are known without examples.
     stillness
-        Movement below which a performer stands still (`library.teaching.movement`).
+        Movement below which a performer stands still (`stream.teaching.movement`).
 
     Attributes
     ----------

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex
-from kinespace.library.teaching.movement import moved_in
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
+from kinespace.stream.teaching.movement import moved_in
 from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import counted, note, print_json, print_scores, progress

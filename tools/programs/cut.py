@@ -10,7 +10,7 @@ import csv
 from pathlib import Path
 
 from kinespace.library.recordings import RecordingReader, find_recordings
-from kinespace.library.teaching.movement import STILLNESS, stretches_of
+from kinespace.stream.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
 from kinespace.tools.cli.console import NameNotes, csv_text, progress, require_place_for, say
 

@@ -19,7 +19,6 @@ from rich.live import Live
 
 from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.naming import Naming
-from kinespace.library.teaching.movement import STILLNESS
 from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, FeedSource
@@ -30,6 +29,7 @@ from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, S
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import AnySource, Recognising, Service
 from kinespace.stream.service.worker import Terms
+from kinespace.stream.teaching.movement import STILLNESS
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals

@@ -15,14 +15,14 @@ import numpy as np
 
 from kinespace.library import Clip, Skeleton, WindowIndex, opened
 from kinespace.library.motion_library import MIN_JOINTS, NOTHING, MotionLibrary
-from kinespace.library.teaching.examples import Roster, TaughtWindows, checked
-from kinespace.library.teaching.movement import STILLNESS
 from kinespace.library.windows.taught import teaches_itself
 from kinespace.stream import Event, EventKind, Frame, Recognizer, Settings
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Classes
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, Remembered, State, Step, Teacher, Told, Tried, commands
+from kinespace.stream.teaching.examples import Roster, TaughtWindows, checked
+from kinespace.stream.teaching.movement import STILLNESS
 from kinespace.tools.cli.console import say
 from kinespace.tools.teaching.roster_file import RosterFile
 
@@ -380,7 +380,7 @@ def open_lessons(
     performers
         Makes the recognisers from an opened library and the order of its classes.
     stillness
-        Movement below which a performer stands still (`library.teaching.movement`).
+        Movement below which a performer stands still (`stream.teaching.movement`).
     either_side
         Whether taught motions may be done by either side.
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from kinespace.library import Clip, MotionLibrary, library_file
-from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import State, Step
+from kinespace.stream.teaching.examples import Example, Roster
 
 #: Seconds between two attempts to save, between the ends of two saves, and between two looks whether it is time.
 _AGAIN, _TOGETHER, _LOOK = 1.0, 0.2, 0.1

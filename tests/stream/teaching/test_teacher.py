@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
-from kinespace.library.teaching.examples import Check, Roster
 from kinespace.stream import Event, EventKind, Frame
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
+from kinespace.stream.teaching.examples import Check, Roster
 from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, Memory, NamedMotions
 
 RATE = 60.0

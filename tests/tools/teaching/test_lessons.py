@@ -15,7 +15,6 @@ from fakes import FakeSink
 from programs import PATIENCE, until
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, library_file
-from kinespace.library.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted
 from kinespace.stream.inputs import commands as requests
@@ -23,6 +22,7 @@ from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.recognizer import SentJoints
 from kinespace.stream.teaching import Asked, Command, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
+from kinespace.stream.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.teaching.keys import HINT, Keys
 from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons

@@ -12,8 +12,8 @@ import pytest
 from programs import PATIENCE, until
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, library_file
-from kinespace.library.teaching.examples import Example, Roster
 from kinespace.stream.teaching import Step
+from kinespace.stream.teaching.examples import Example, Roster
 from kinespace.tools.cli.console import require_place_for
 from kinespace.tools.teaching.roster_file import RosterFile
 

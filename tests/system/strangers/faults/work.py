@@ -17,11 +17,11 @@ import mido
 import numpy as np
 
 from kinespace.library import MotionLibrary
-from kinespace.library.teaching.examples import Example, Roster
 from kinespace.library.windows import remembered
 from kinespace.stream import Event, EventKind
 from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter
 from kinespace.stream.outputs.midi_sink import MidiSink
+from kinespace.stream.teaching.examples import Example, Roster
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.teaching import roster_file
 

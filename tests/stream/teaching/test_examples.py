@@ -5,8 +5,9 @@ import pytest
 from synthetic import gesture, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
-from kinespace.library.teaching.examples import Check, Example, Roster, TaughtWindows, checked
-from kinespace.library.teaching.movement import (
+from kinespace.library.windows.courses import Courses
+from kinespace.stream.teaching.examples import Check, Example, Roster, TaughtWindows, checked
+from kinespace.stream.teaching.movement import (
     Movement,
     MovementMeter,
     StretchFinder,
@@ -16,7 +17,6 @@ from kinespace.library.teaching.movement import (
     relative_movement,
     stillness_of,
 )
-from kinespace.library.windows.courses import Courses
 
 #: What is said of two classes that cannot be told apart.
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"

@@ -1,1 +1,0 @@
-"""Examples of motions that a person taught, and when a body moves."""

@@ -113,20 +113,14 @@ class Pieces(NamedTuple):
 
     def costs(self, others: "Pieces") -> Floats:
         """Compare with other pieces: shape (pieces, others)."""
-        ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
-        products = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
-        costs: Floats = (1 - self.courses @ others.courses.T) / products
+        costs: Floats = (1 - self.courses @ others.courses.T) / self.shared(others)
         return costs
 
-    def costs_of(self, pairs: tuple[NDArray[np.intp], ...], others: "Pieces") -> Floats:
-        """Compare some pairs: two arrays of places, here and in the others; shape (pairs,)."""
-        products = [
-            np.einsum("pn,pn->p", mine.take(pairs[0], axis=0), theirs.take(pairs[1], axis=0))
-            for mine, theirs in zip(self[:3], others[:3], strict=True)
-        ]
-        courses, ways, widths = products
-        costs: Floats = (1 - courses) / (np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT))
-        return costs
+    def shared(self, others: "Pieces") -> Floats:
+        """Give the products of ways and of widths, by which costs are divided: shape (pieces, others)."""
+        ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
+        shared: Floats = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
+        return shared
 
     def as_far(self, others: "Pieces", most: float = MAX_WAY) -> NDArray[np.bool_]:
         """Say which pieces go at most so much farther or less far than which others, shape (pieces, others)."""
@@ -165,7 +159,7 @@ class Screen(NamedTuple):
         return within, beside
 
     def costs_at_least(self, courses: Floats) -> Floats:
-        """Give what each piece costs others at least, by their courses: shape (others, pieces)."""
+        """Give one less the inner product of courses, at least: shape (others, pieces)."""
         within, beside = self._split(courses, self.axes)
         least: Floats = 1 - within @ self.within.T - beside[:, None] * self.beside
         return least

@@ -252,12 +252,14 @@ class DoneFollower:
 
         Infinite where no window is near the limit, or where it is not free.
         """
-        pieces, screen = self._courses.pieces, self._courses.screen
-        near = (screen.costs_at_least(windows.courses) < limits * np.float32(_NEAR)) & windows.as_far(pieces)
+        pieces = self._courses.pieces
+        limits = limits * windows.shared(pieces)
+        near = (self._courses.screen.costs_at_least(windows.courses) < _NEAR * limits) & windows.as_far(pieces)
         near &= free[:, None]
         costs, pairs = np.full(near.shape, np.inf, dtype=np.float32), near.nonzero()
         if len(pairs[0]):
-            costs[pairs] = windows.costs_of(pairs, pieces) / limits.take(pairs[1])
+            some = (each.courses.take(place, axis=0) for each, place in zip((windows, pieces), pairs, strict=True))
+            costs[pairs] = (1 - np.einsum("pn,pn->p", *some)) / limits[pairs]
         return costs
 
     def _nearest(

@@ -276,7 +276,7 @@ class Courses:
             limits[0] = _of_persons(crossed, of_class, typical, unlike[0])
         elif len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
-        counts = _counts(float(seconds.max()))
+        counts, limits = _counts(float(seconds.max())), np.maximum(limits, np.float32(_TINY))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
         known = cls(tuple(classes.tolist()), starts, both, screen, limits, axes, seconds, crossed, counts)
@@ -307,7 +307,7 @@ class Courses:
         of_class = np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right")
         several = np.isin(of_class, of_class[np.isfinite(self.crossed)])
         least = _shares(several) * _least_costs((self.whole, self.begun), windows, np.ones((1, 1), dtype=bool))
-        limits = np.minimum(self.limits, least.astype(np.float32))
+        limits = np.maximum(np.minimum(self.limits, least.astype(np.float32)), np.float32(_TINY))
         return replace(self, limits=limits, crossed=self.crossed * self.limits[0] / limits[0])
 
     def missed_at(self, false_alarms: float) -> float:
@@ -459,7 +459,7 @@ def _axes(courses: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> F
 
     Returns
     -------
-    Shape (numbers, numbers); None where a class has too few persons.
+    Shape (numbers, numbers); None where a class has too few persons, or they do not differ.
     """
     numbers, actors = courses.shape[1] // (POINTS - 1), np.array([each.actor for each in cut])
     scatter = np.zeros((numbers, numbers))
@@ -472,6 +472,9 @@ def _axes(courses: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> F
             theirs, others = (courses[own & (actors == person)], courses[own & (actors != person)])
             differ = (others - theirs[(others @ theirs.T).argmax(axis=1)]).reshape(-1, numbers)
             scatter += differ.T @ differ / (len(differ) * len(people))
+    if not np.trace(scatter) > _TINY:
+        # The same recordings under several names.
+        return None
     scatter *= (1 - _SHRINKAGE) * numbers / np.trace(scatter)
     values, vectors = np.linalg.eigh(scatter + _SHRINKAGE * np.eye(numbers))
     axes: Floats = ((vectors / np.sqrt(values)) @ vectors.T).astype(np.float32)

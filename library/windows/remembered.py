@@ -33,7 +33,7 @@ from kinespace.library.windows.segments import Segments
 _ENDING = ".windows"
 #: Files that are kept: one for each set of joints that was used lately.
 _KEPT = 12
-#: Bytes of a file, at most; the built-in library's windows take 3 MB.
+#: Bytes of a file, at most; the built-in library's windows take some 5 MB.
 _MAX_BYTES = 40_000_000
 #: What a file may hold besides arrays, numbers, texts and tuples of them.
 _CLASSES = (Basis, Body, Comparison, Courses, Head, Kind, Metric, Part, Pieces, Rejection, Screen, Segments, Weighing)

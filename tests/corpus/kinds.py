@@ -281,10 +281,13 @@ def _points(field: str, front: str = "") -> str:
     return f"{front}time,{','.join(NAMES)}\n{lines}"
 
 
-def _names_together() -> str:
+def _names_together(axes: str = "XYZ", name: str = "{}_{}", mark: str = ",") -> str:
     """Write semicolons between joints, and commas between a joint's numbers and between their names."""
-    heads = ";".join(",".join(f"{name}_{axis}" for axis in "XYZ") for name in NAMES)
-    fields = (";".join("{:.5f},{:.5f},{:.5f}".format(*place) for place in frame) for frame in BODY.tolist())
+    heads = ";".join(mark.join(name.format(joint, axis) for axis in axes) for joint in NAMES)
+    order = ["XYZ".index(axis) for axis in axes]
+    fields = (
+        ";".join("{:.5f},{:.5f},{:.5f}".format(*place) for place in frame) for frame in BODY[:, :, order].tolist()
+    )
     return "".join([f"Time;{heads}\n", *(f"{time:.4f};{each}\n" for time, each in zip(TIMES, fields, strict=True))])
 
 
@@ -300,6 +303,8 @@ def _tables() -> dict[str, Kind]:
         "times in ms, misspelled": (table(clock="Miliseconds", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
         "times that stand, a nominal rate": (table(first="Software : LSL_Kinect,Stream nominal rate : 60,Task : a\n\n", times=['"1,594038E+12"'] * len(BODY)), {}),
         "three names in a field": (_names_together(), {}),
+        "three names in a field, in another order": (_names_together("XZY"), {}),
+        "three names in a field, with blanks": (_names_together("XYZ", "{} {}", ", "), {}),
         "times with a unit in brackets": (table(clock="Time (Seconds)"), {}),
         "elapsed ms": (table(clock="elapsedMs", times=_times(1e3)), {"near": 2e-3}),
         "microseconds": (table(clock="timestamp", times=_times(1e6, 5_000_000)), {}),

@@ -425,9 +425,10 @@ def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list
             spread.append(cell)
         else:
             # The three numbers' own names may stand there: `head_x,head_y,head_z`.
-            parts = re.split(r"[,;|\s]+", cell.strip())
-            joint = (len(parts) == len(axes) and coordinate_of(parts[0])) or (cell,)
-            spread += [f"{joint[0]}_{axis}" for axis in axes] or [*_PART.findall(cell), "", "", ""][:3]
+            named = [coordinate_of(part.strip()) or ("", "") for part in re.split("[,;|]", cell)]
+            joints, order = {joint for joint, _ in named}, "".join(axis for _, axis in named)
+            joint, order = (*joints, order) if len(joints) == 1 and sorted(order) == sorted(axes) else (cell, axes)
+            spread += [f"{joint}_{axis}" for axis in order] or [*_PART.findall(cell), "", "", ""][:3]
     return spread
 
 

@@ -183,3 +183,11 @@ def test_positions_between_frames_lie_on_straight_lines() -> None:
     times, positions = np.array([0.0, 0.1, 0.4]), np.array([[[0.0] * 3], [[1.0] * 3], [[4.0] * 3]])
     np.testing.assert_allclose(at_steps(times, positions, np.array([0.05, 0.1, 0.3]))[:, 0, 0], [0.5, 1.0, 3.0])
     assert pytest.approx(1 / 30) == STEP
+
+
+def test_the_same_recordings_under_several_names_say_nothing_of_people(builtin: MotionLibrary) -> None:
+    """Three names of one person's motions weigh no direction; the limits are numbers."""
+    clips = [clips_of(builtin, name, actor="bk")[0] for name in (SQUAT, GRAB)]
+    courses = Courses.of([replace(clip, actor=actor) for clip in clips for actor in "abc"])
+    assert courses.axes is None
+    assert (courses.limits > 0).all()

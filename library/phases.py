@@ -17,6 +17,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
+from kinespace.library.windows.comparison import whitened
 
 #: Keyframes of a recording that are kept, a second.
 MOMENTS_PER_SECOND = 15.0
@@ -176,10 +177,7 @@ def _whitening(recorded: Iterable[_Recorded], width: int) -> NDArray[np.float64]
         if len(compared) > 1:
             scatters.append(deviations.T @ deviations / len(deviations))
     scatter = np.mean(scatters, axis=0) if scatters else np.eye(width)
-    scatter = (1 - _SHRINKAGE) * scatter + _SHRINKAGE * scatter.trace() / width * np.eye(width)
-    values, vectors = np.linalg.eigh(scatter)
-    whitening: NDArray[np.float64] = vectors / np.sqrt(values)
-    return whitening
+    return whitened(scatter, _SHRINKAGE) / math.sqrt(float(scatter.trace()) / width or 1.0)
 
 
 def _telling(recorded: Collection[_Recorded], whitening: NDArray[np.float64]) -> NDArray[np.float64]:

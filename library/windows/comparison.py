@@ -152,14 +152,21 @@ def _principal(centred: NDArray[_Number], kept: int) -> NDArray[_Number]:
     return axes
 
 
+def whitened(scatter: NDArray[np.float64], shrinkage: float) -> NDArray[np.float64]:
+    """Give the matrix that makes all directions of a scatter alike, (numbers, numbers).
+
+    The scatter is scaled to a mean of 1 along its diagonal, and shrunk by a share towards equal scatter.
+    """
+    values, vectors = np.linalg.eigh(scatter * (len(scatter) / (float(np.trace(scatter)) or 1.0)))
+    matrix: NDArray[np.float64] = vectors / np.sqrt((1 - shrinkage) * np.maximum(values, 0.0) + shrinkage)
+    return matrix
+
+
 def _whitened_axes(
     differences: NDArray[np.float64], centred: NDArray[np.float64], shrinkage: float, kept: int
 ) -> NDArray[np.float64]:
     """Whiten the differences, then take the principal axes of the windows; shape (numbers, kept)."""
-    scatter = differences.T @ differences
-    scatter /= np.trace(scatter) / len(scatter)
-    values, vectors = np.linalg.eigh(scatter)
-    whitening = vectors / np.sqrt((1 - shrinkage) * np.maximum(values, 0.0) + shrinkage)
+    whitening = whitened(differences.T @ differences, shrinkage)
     axes: NDArray[np.float64] = whitening @ _principal(centred @ whitening, kept)
     return axes
 

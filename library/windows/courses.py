@@ -30,6 +30,7 @@ from kinespace.library.motion_library import NOTHING
 from kinespace.library.naming import hdm05
 from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_path
 from kinespace.library.skeleton import Skeleton
+from kinespace.library.windows.comparison import whitened
 
 Numbers = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -100,13 +101,13 @@ class Pieces(NamedTuple):
     lengths: Floats
 
     @classmethod
-    def of(cls, points: NDArray[np.floating], axes: Floats | None = None) -> Self:
-        """Take pieces at equal way, shape (pieces, POINTS, numbers); `axes` weigh directions, (numbers, numbers)."""
+    def of(cls, points: NDArray[np.floating], whitening: Floats | None = None) -> Self:
+        """Take pieces at equal way, shape (pieces, POINTS, numbers), their directions times (numbers, numbers)."""
         points = points.astype(np.float32, copy=False)
         steps = points[:, 1:] - points[:, :-1]
         lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
         directions = steps / np.maximum(lengths, np.float32(_TINY))[:, :, None]
-        directions = directions if axes is None else directions @ axes
+        directions = directions if whitening is None else directions @ whitening
         courses = np.matmul(_blur(), directions).reshape(len(points), (POINTS - 1) * points.shape[2])
         ways, widths = np.abs(steps).sum(axis=1), points.max(axis=1) - points.min(axis=1)
         return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1))
@@ -228,8 +229,8 @@ class Courses:
         The screen of the pieces.
     limits
         The cost below which a whole motion is seen, and its first part: shape (2, motions).
-    axes
-        What directions are weighed by, shape (numbers, numbers): those in which people differ in one motion count
+    whitening
+        What directions are multiplied by, shape (numbers, numbers): those in which people differ in one motion count
         less. None in a library of less than three persons.
     seconds
         How long each motion lasts, shape (motions,).
@@ -244,7 +245,7 @@ class Courses:
     pieces: Pieces = field(repr=False)
     screen: Screen = field(repr=False)
     limits: Floats = field(repr=False)
-    axes: Floats | None = field(repr=False)
+    whitening: Floats | None = field(repr=False)
     seconds: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
     counts: tuple[int, ...]
@@ -261,26 +262,31 @@ class Courses:
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
-        axes = _axes(Pieces.of(whole).courses, cut, of_class)
-        pieces = Pieces.of(whole, axes), Pieces.of(begun, axes)
+        whitening = _whitening(whole, cut, of_class)
+        pieces = Pieces.of(whole, whitening), Pieces.of(begun, whitening)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
         several = np.isin(of_class, of_class[np.isfinite(crossed)])
-        typical = _everyday_costs(cut, motions[0].skeleton, axes)
-        unlike = _least_costs(pieces, *_unwanted(cut, of_class, axes))
+        typical = _everyday_costs(cut, motions[0].skeleton, whitening)
+        unlike = _least_costs(pieces, *_unwanted(cut, of_class, whitening))
         limits = np.zeros((2, len(cut)), dtype=np.float32)
         others = _shares(several) * unlike
         for limit, highest, share, other in zip(limits, _MOST, _OF_EVERYDAY, others, strict=True):
             limit[:] = np.minimum(np.minimum(np.where(several, _MOST_CROSSED, highest), other), share * typical)
-        if axes is not None:
+        if whitening is not None:
             limits[0] = _of_persons(crossed, of_class, typical, unlike[0])
         elif len(classes) > 1:
             limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
         counts, limits = _counts(float(seconds.max())), np.maximum(limits, np.float32(_TINY))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
-        known = cls(tuple(classes.tolist()), starts, both, screen, limits, axes, seconds, crossed, counts)
+        known = cls(tuple(classes.tolist()), starts, both, screen, limits, whitening, seconds, crossed, counts)
         return known.lowered([clip for clip in motions if clip.class_name == NOTHING])
+
+    @property
+    def of_class(self) -> NDArray[np.intp]:
+        """The place of each motion's class, shape (motions,)."""
+        return np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right") - 1
 
     @property
     def whole(self) -> Pieces:
@@ -303,9 +309,8 @@ class Courses:
         paths = [path_of(clip) for clip in unwanted if clip.frames > 1]
         if not self.counts or not paths:
             return self
-        windows = Pieces.of(np.concatenate([windows_of(path, self.counts) for path in paths]), self.axes)
-        of_class = np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right")
-        several = np.isin(of_class, of_class[np.isfinite(self.crossed)])
+        windows = Pieces.of(np.concatenate([windows_of(path, self.counts) for path in paths]), self.whitening)
+        several = np.isin(self.of_class, self.of_class[np.isfinite(self.crossed)])
         least = _shares(several) * _least_costs((self.whole, self.begun), windows, np.ones((1, 1), dtype=bool))
         limits = np.maximum(np.minimum(self.limits, least.astype(np.float32)), np.float32(_TINY))
         return replace(self, limits=limits, crossed=self.crossed * self.limits[0] / limits[0])
@@ -447,41 +452,36 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
     return crossed
 
 
-def _axes(courses: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> Floats | None:
-    """Learn how people differ in one motion, and weigh directions by it (within-class covariance, Hatch et al. 2006).
+def _whitening(whole: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> Floats | None:
+    """Learn how people differ in one motion, to weigh directions by it (within-class covariance, Hatch et al. 2006).
 
     Each motion differs from the nearest one of every other person. All classes count alike.
 
     Parameters
     ----------
-    courses
-        The courses of the motions, not weighed.
+    whole
+        The motions at equal way, shape (motions, POINTS, numbers).
 
     Returns
     -------
-    Shape (numbers, numbers); None where a class has too few persons, or they do not differ.
+    Shape (numbers, numbers); None where a class has too few persons.
     """
-    numbers, actors = courses.shape[1] // (POINTS - 1), np.array([each.actor for each in cut])
+    actors = np.array([each.actor for each in cut])
+    people_of = [np.unique(actors[of_class == place]) for place in np.unique(of_class)]
+    if min(map(len, people_of)) < _PERSONS:
+        return None
+    numbers, courses = whole.shape[2], Pieces.of(whole).courses
     scatter = np.zeros((numbers, numbers))
-    for place in np.unique(of_class):
+    for place, people in enumerate(people_of):
         own = of_class == place
-        people = np.unique(actors[own])
-        if len(people) < _PERSONS:
-            return None
         for person in people:
-            theirs, others = (courses[own & (actors == person)], courses[own & (actors != person)])
+            theirs, others = courses[own & (actors == person)], courses[own & (actors != person)]
             differ = (others - theirs[(others @ theirs.T).argmax(axis=1)]).reshape(-1, numbers)
             scatter += differ.T @ differ / (len(differ) * len(people))
-    if not np.trace(scatter) > _TINY:
-        # The same recordings under several names.
-        return None
-    scatter *= (1 - _SHRINKAGE) * numbers / np.trace(scatter)
-    values, vectors = np.linalg.eigh(scatter + _SHRINKAGE * np.eye(numbers))
-    axes: Floats = ((vectors / np.sqrt(values)) @ vectors.T).astype(np.float32)
-    return axes
+    return whitened(scatter, _SHRINKAGE).astype(np.float32)
 
 
-def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, axes: Floats | None) -> Numbers:
+def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, whitening: Floats | None) -> Numbers:
     """Give what everyday movement costs the parts of each motion, the mean of their least; infinite for unknown."""
     typical, begins = everyday(skeleton), np.linspace(0.0, 1.0 - 1 / _PARTS, 2 * _PARTS - 1)
     if typical is None:
@@ -490,16 +490,20 @@ def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, axes: Floats | None
     for each in cut:
         ways = ways_of(each.points)
         read.append(at_equal_way(each.points, ways, begins * ways[-1], (begins + 1 / _PARTS) * ways[-1]))
-    least = Pieces.of(np.concatenate(read), axes).costs(Pieces.of(typical, axes)).min(axis=1)
+    least = Pieces.of(np.concatenate(read), whitening).costs(Pieces.of(typical, whitening)).min(axis=1)
     costs: Numbers = least.reshape(len(cut), -1).mean(axis=1, dtype=np.float64)
     return costs
 
 
-def _unwanted(cut: Sequence[_Cut], of_class: NDArray[np.intp], axes: Floats | None) -> tuple[Pieces, NDArray[np.bool_]]:
+def _unwanted(
+    cut: Sequence[_Cut], of_class: NDArray[np.intp], whitening: Floats | None
+) -> tuple[Pieces, NDArray[np.bool_]]:
     """Give windows of all motions, and for which motions each must not be said: other classes', (motions, windows)."""
     counts, most = _counts(max(len(each.points) - 1 for each in cut) * STEP), -(-_MAX_OTHERS // len(cut))
     read = [windows_of(each.points, counts, most) for each in cut]
-    return Pieces.of(np.concatenate(read), axes), of_class[:, None] != np.repeat(of_class, [len(each) for each in read])
+    return Pieces.of(np.concatenate(read), whitening), of_class[:, None] != np.repeat(
+        of_class, [len(each) for each in read]
+    )
 
 
 def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Floats:

@@ -15,6 +15,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,6 +75,14 @@ class AssemblerCounts:
     absent: Counter[str] = field(default_factory=Counter)
 
 
+class _Packet(NamedTuple):
+    """When a packet came, the number of its sender, and whether it is a bundle."""
+
+    arrival: float
+    sender: int
+    is_bundle: bool
+
+
 @dataclass(slots=True)
 class _Body:
     """One performer's open frame."""
@@ -117,8 +126,6 @@ class FrameAssembler:
         self._out: list[Frame | Announcement] = []
         #: The last time that each sender sent for all its performers.
         self._sender_times: dict[int, float] = {}
-        #: Of the last packet: when it came, the number of its sender, and whether it was a bundle.
-        self._arrival, self._sender, self._in_bundle = 0.0, 1, False
         self._needed = tuple(name for name, target in preset.joint_map.items() if target)
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
@@ -149,7 +156,7 @@ class FrameAssembler:
         -------
         Frames that were completed, each performer's joints announced before the performer's first frame.
         """
-        self._arrival, self._sender, self._in_bundle = arrival, sender, bundle
+        packet = _Packet(arrival, sender, bundle)
         given = self.expire(arrival)
         touched = dict[str, None]()
         for message in messages:
@@ -162,7 +169,7 @@ class FrameAssembler:
             if reading is None:
                 self.counts.foreign += 1
             elif reading.means not in (Means.NAME, Means.ORDER):
-                touched |= dict.fromkeys(self._take(reading))
+                touched |= dict.fromkeys(self._take(reading, packet))
         if bundle:
             for name in touched:
                 self._end_bundle(name)
@@ -182,25 +189,25 @@ class FrameAssembler:
         given, self._out = self._out, []
         return given
 
-    def _take(self, reading: Reading) -> Sequence[str]:
+    def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
         """Take in one message; give the performers it is about."""
         if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
-            self._sender_times[self._sender] = reading.time
-        names = self._names(reading)
+            self._sender_times[packet.sender] = reading.time
+        names = self._names(reading, packet.sender)
         for name in names:
-            body = self._bodies.get(name) or self._new_body(name, reading)
+            body = self._bodies.get(name) or self._new_body(name, reading, packet)
             if body is not None:
-                body.last_message = self._arrival
-                self._take_for(name, body, reading)
+                body.last_message = packet.arrival
+                self._take_for(name, body, reading, packet)
         return names
 
-    def _take_for(self, name: str, body: _Body, reading: Reading) -> None:
+    def _take_for(self, name: str, body: _Body, reading: Reading, packet: _Packet) -> None:
         if not reading.present:
             if body.open:
                 self._close(name, body, Closing.END)
             body.seen.clear()
         elif reading.means in (Means.BEGIN, Means.END):
-            body.ending |= self._in_bundle and reading.means is Means.END
+            body.ending |= packet.is_bundle and reading.means is Means.END
             if body.open and not body.ending:
                 self._close(name, body, Closing.END)
             body.time = reading.time if reading.time is not None else body.time
@@ -210,20 +217,20 @@ class FrameAssembler:
             is_whole = reading.means is Means.FRAME
             if is_whole and body.open:
                 self._close(name, body, Closing.REPEAT)
-            self._add(name, body, reading)
+            self._add(name, body, reading, packet.arrival)
             if is_whole and body.open:
                 self._close(name, body, Closing.COMPLETE)
 
-    def _names(self, reading: Reading) -> Sequence[str]:
+    def _names(self, reading: Reading, sender: int) -> Sequence[str]:
         """Give the performers that a message is about: all of its sender's if it names none and is no joint."""
-        suffix = "" if self._sender == 1 else f"-{self._sender}"
+        suffix = "" if sender == 1 else f"-{sender}"
         if reading.performer is not None:
             return (reading.performer + suffix,)
         if reading.means in (Means.JOINT, Means.FRAME) or not self._says_who:
             return (self.preset.performer + suffix,)
-        return [name for name, body in self._bodies.items() if body.sender == self._sender]
+        return [name for name, body in self._bodies.items() if body.sender == sender]
 
-    def _new_body(self, name: str, reading: Reading) -> _Body | None:
+    def _new_body(self, name: str, reading: Reading, packet: _Packet) -> _Body | None:
         """Begin a performer, if the message has joints and there is room."""
         if reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings):
             return None
@@ -232,11 +239,11 @@ class FrameAssembler:
         if len(self._bodies) >= MAX_PERFORMERS:
             self.counts.no_room += 1
             return None
-        last = self._sender_times.get(self._sender)
-        body = self._bodies[name] = _Body(self._sender, self._arrival, time=last, interval=1 / self.preset.rate)
+        last = self._sender_times.get(packet.sender)
+        body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
         return body
 
-    def _add(self, name: str, body: _Body, reading: Reading) -> None:
+    def _add(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
         """Take in a joint, or several that came together."""
         if reading.time is not None and not self._in_time(name, body, reading.time):
             self.counts.late += len(reading.sightings)
@@ -251,13 +258,13 @@ class FrameAssembler:
             elif sighting.joint in body.open and Closing.REPEAT in self.preset.closings.by:
                 self._close(name, body, Closing.REPEAT)
             if not body.open:
-                body.opened = self._arrival
+                body.opened = arrival
             body.time = body.time if reading.time is None else reading.time
             if sighting.joint in body.seen:
-                since = self._arrival - body.seen[sighting.joint][1]
+                since = arrival - body.seen[sighting.joint][1]
                 body.interval += _NEWER * (min(since, _MAX_INTERVAL) - body.interval)
             body.open[sighting.joint] = sighting
-            body.seen[sighting.joint] = (sighting, self._arrival)
+            body.seen[sighting.joint] = (sighting, arrival)
         # The count is quick, and excludes all but the last joints.
         all_here = len(body.open) >= len(self._targets) and self._has_all(body.open)
         if all_here and Closing.COMPLETE in self.preset.closings.by:

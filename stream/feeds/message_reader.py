@@ -227,7 +227,10 @@ class _Way:
 
     def literals_fit(self, arguments: Sequence[object]) -> bool:
         """Say whether the arguments have the texts that the rule demands."""
-        return all(place < len(arguments) and arguments[place] == text for place, text in self._literals)
+        # Nearly no rule demands any, and every message asks.
+        return not self._literals or all(
+            place < len(arguments) and arguments[place] == text for place, text in self._literals
+        )
 
     def nobody(self, arguments: Sequence[object]) -> bool:
         """Say whether the message says that there is no performer."""

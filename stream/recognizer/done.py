@@ -135,11 +135,10 @@ class DoneFollower:
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
         self._limits, self._several = np.float32(self._share) * courses.limits.ravel(), courses.several
-        most = _MOST_SEVERAL if courses.axes is None else _MOST_PERSONS
+        most = _MOST_SEVERAL if courses.whitening is None else _MOST_PERSONS
         self._most_growth = {name: most if name in self._several else _MOST_GROWTH for name in courses.classes}
         #: The class of each whole motion, and of each first part.
-        of_motion = np.searchsorted(courses.starts, np.arange(len(courses.seconds)), side="right") - 1
-        self._of_piece = np.concatenate([of_motion, of_motion])
+        self._of_piece = np.tile(courses.of_class, 2)
         lengths = courses.pieces.lengths
         self._least = float(lengths.min()) / MAX_WAY if len(lengths) else 0.0
         self._most = float(lengths.max()) * MAX_WAY if len(lengths) else 0.0
@@ -235,7 +234,9 @@ class DoneFollower:
         if not len(counts):
             return self._sees(None, None)
         ends = np.full(len(counts), ways[last])
-        windows = Pieces.of(at_equal_way(self._points[: self._count], ways, ways[begins], ends), self._courses.axes)
+        windows = Pieces.of(
+            at_equal_way(self._points[: self._count], ways, ways[begins], ends), self._courses.whitening
+        )
         windows = windows._replace(lengths=windows.lengths / np.float32(self._size))
         # A window must lie behind the motion before.
         free = self.time - counts * STEP >= self._over - _ROUNDING

@@ -293,12 +293,12 @@ def moved_in(clip: Clip, stillness: float = STILLNESS) -> Iterator[Stretch]:
             yield _within(found, begin, end)
 
 
-def moved_at_all(clip: Clip, stillness: float = STILLNESS) -> Stretch | None:
+def moved_at_all(clip: Clip) -> Stretch | None:
     """Find the movement in a take, from its first to its last motion; None when it is too short.
 
     Where nothing moves by the usual measure, a small gesture before a quiet feed may: it is looked for, too.
     """
-    for still in (stillness, _LEAST * stillness):
+    for still in (STILLNESS, _LEAST * STILLNESS):
         if found := [*moved_in(clip, still)]:
             kept = Stretch(found[0].start, found[-1].end)
             if kept.duration >= MIN_SECONDS:

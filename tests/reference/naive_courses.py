@@ -1,6 +1,7 @@
 """Courses by definition: one step, one joint, one pair of directions at a time."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -45,13 +46,13 @@ def at_equal_way_of(path: np.ndarray) -> np.ndarray:
     return np.array(points)
 
 
-def course_of(points: np.ndarray, axes: np.ndarray | None = None) -> np.ndarray:
-    """Give the unit directions, weighed by axes, each averaged with its neighbours, together of length 1."""
+def course_of(points: np.ndarray, whitening: np.ndarray | None = None) -> np.ndarray:
+    """Give the unit directions, weighed by a matrix, each averaged with its neighbours, together of length 1."""
     directions = []
     for before, after in pairwise(points):
         step = after - before
         direction = step / max(float(np.linalg.norm(step)), 1e-9)
-        directions.append(direction if axes is None else direction @ axes)
+        directions.append(direction if whitening is None else direction @ whitening)
     blurred = [
         sum(math.exp(-0.5 * ((place - other) / BLUR) ** 2) * each for other, each in enumerate(directions))
         for place in range(len(directions))
@@ -72,3 +73,18 @@ def cost_of(one: np.ndarray, other: np.ndarray) -> float:
 def way_of(points: np.ndarray) -> float:
     """Give how far a path goes."""
     return sum(float(np.linalg.norm(after - before)) for before, after in pairwise(points))
+
+
+def scatter_of(courses: Sequence[tuple[str, str, np.ndarray]]) -> np.ndarray:
+    """Say how people differ in one motion, by the class, the person and the directions of each, mean diagonal 1."""
+    scatter = np.zeros((courses[0][2].shape[1],) * 2)
+    for one, person in sorted({(name, actor) for name, actor, _ in courses}):
+        theirs = [each for name, actor, each in courses if (name, actor) == (one, person)]
+        people = {actor for name, actor, _ in courses if name == one}
+        differ = []
+        for name, actor, each in courses:
+            if name == one and actor != person:
+                nearest = max(theirs, key=lambda their, each=each: float((their * each).sum()))
+                differ += [*(each - nearest)]
+        scatter += sum(np.outer(row, row) for row in differ) / len(differ) / len(people)
+    return scatter * len(scatter) / np.trace(scatter)

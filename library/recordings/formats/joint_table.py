@@ -423,13 +423,19 @@ def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list
     for place, cell in enumerate(row):
         if place not in points:
             spread.append(cell)
+        elif axes:
+            spread += _three_names(cell, axes)
         else:
-            # The three numbers' own names may stand there: `head_x,head_y,head_z`.
-            named = [coordinate_of(part.strip()) or ("", "") for part in re.split("[,;|]", cell)]
-            joints, order = {joint for joint, _ in named}, "".join(axis for _, axis in named)
-            joint, order = (*joints, order) if len(joints) == 1 and sorted(order) == sorted(axes) else (cell, axes)
-            spread += [f"{joint}_{axis}" for axis in order] or [*_PART.findall(cell), "", "", ""][:3]
+            spread += [*_PART.findall(cell), "", "", ""][:3]
     return spread
+
+
+def _three_names(cell: str, axes: str) -> list[str]:
+    """Name a column for each axis: a joint's, or the three that stand there: `head_x,head_y,head_z`."""
+    named = [coordinate_of(part.strip()) or ("", "") for part in re.split("[,;|]", cell)]
+    if len({joint for joint, _ in named}) == 1 and sorted(axis for _, axis in named) == sorted(axes):
+        return [f"{joint}_{axis}" for joint, axis in named]
+    return [f"{cell}_{axis}" for axis in axes]
 
 
 def _read(path: Path) -> _Table:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton
 from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_path
 from kinespace.library.windows.courses import (
+    POINTS,
     Courses,
     Pieces,
     at_equal_way,
@@ -131,9 +132,13 @@ def test_directions_in_which_people_differ_count_less(builtin: MotionLibrary) ->
     clips = clips_of(builtin, SQUAT, GRAB)
     several = Courses.of(clips)
     two = Courses.of([replace(each, actor="ab"[each.actor in ("bd", "bk")]) for each in clips])
-    assert several.axes is not None
-    np.testing.assert_allclose(several.axes, several.axes.T, atol=1e-5)
-    assert two.axes is None
+    assert several.whitening is not None
+    read = [
+        (each.class_name, each.actor, Courses.of([each]).whole.courses[0].reshape(POINTS - 1, -1)) for each in clips
+    ]
+    alike = several.whitening.T @ (0.6 * naive.scatter_of(read) + 0.4 * np.eye(93)) @ several.whitening
+    np.testing.assert_allclose(alike, np.eye(93), atol=1e-3)
+    assert two.whitening is None
     assert nearer(several) < nearer(two)
 
 
@@ -186,8 +191,10 @@ def test_positions_between_frames_lie_on_straight_lines() -> None:
 
 
 def test_the_same_recordings_under_several_names_say_nothing_of_people(builtin: MotionLibrary) -> None:
-    """Three names of one person's motions weigh no direction; the limits are numbers."""
+    """Three names of one person's motions weigh all directions alike; the limits are numbers."""
     clips = [clips_of(builtin, name, actor="bk")[0] for name in (SQUAT, GRAB)]
     courses = Courses.of([replace(clip, actor=actor) for clip in clips for actor in "abc"])
-    assert courses.axes is None
+    assert courses.whitening is not None
+    np.testing.assert_allclose(courses.whitening @ courses.whitening.T, np.eye(93) / 0.4, atol=1e-5)
+    assert np.isfinite(courses.limits).all()
     assert (courses.limits > 0).all()

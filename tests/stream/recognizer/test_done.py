@@ -122,7 +122,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
             continue
         read = naive.at_equal_way_of(window)
         way = naive.way_of(read) / size
-        course, ways = naive.course_of(read, courses.axes), np.abs(np.diff(read, axis=0)).sum(axis=0)
+        course, ways = naive.course_of(read, courses.whitening), np.abs(np.diff(read, axis=0)).sum(axis=0)
         widths = np.ptp(read, axis=0)
         for motion, limit in enumerate(limits):
             longer = way / pieces.lengths[motion]

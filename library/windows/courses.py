@@ -67,10 +67,11 @@ _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 _OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 #: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
-#: Persons of every class, at least, of whom it is learned how people differ in one motion; the share of equal scatter.
-_PERSONS, _SHRINKAGE = 3, 0.4
-#: Limits of whole motions are then such shares of what other classes and everyday movement cost, and at most this; but
-#: at most so many times what this share of a class's motions cost each other, unless that is below the last share.
+#: Persons of a class, and classes of so many persons (or all), at least, by whom it is learned how people differ in one
+#: motion; the share of equal scatter.
+_PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
+#: Limits of these classes' whole motions are such shares of what other classes and everyday movement cost, and at most
+#: this; but at most so many times what this share of a class's motions cost each other, unless that is below the last.
 _OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.82, 0.92), 0.62, 1.8, 0.8, 0.65
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
@@ -231,7 +232,9 @@ class Courses:
         The cost below which a whole motion is seen, and its first part: shape (2, motions).
     whitening
         What directions are multiplied by, shape (numbers, numbers): those in which people differ in one motion count
-        less. None in a library of less than three persons.
+        less. None where too few classes are shown by several persons.
+    by_people
+        Whether several persons show a class, and taught the whitening, shape (classes,).
     seconds
         How long each motion lasts, shape (motions,).
     crossed
@@ -246,6 +249,7 @@ class Courses:
     screen: Screen = field(repr=False)
     limits: Floats = field(repr=False)
     whitening: Floats | None = field(repr=False)
+    by_people: NDArray[np.bool_] = field(repr=False)
     seconds: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
     counts: tuple[int, ...]
@@ -257,12 +261,12 @@ class Courses:
         if not cut:
             none = Pieces.of(np.zeros((0, POINTS, 1)))
             empty = np.zeros(0)
-            screen, limits = Screen.of(none.courses), np.zeros((2, 0), np.float32)
-            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, None, empty, empty, ())
+            screen, limits, shown = Screen.of(none.courses), np.zeros((2, 0), np.float32), np.zeros(0, dtype=bool)
+            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, None, shown, empty, empty, ())
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
-        whitening = _whitening(whole, cut, of_class)
+        whitening, by_people = _whitening(whole, cut, of_class)
         pieces = Pieces.of(whole, whitening), Pieces.of(begun, whitening)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
@@ -273,14 +277,14 @@ class Courses:
         others = _shares(several) * unlike
         for limit, highest, share, other in zip(limits, _MOST, _OF_EVERYDAY, others, strict=True):
             limit[:] = np.minimum(np.minimum(np.where(several, _MOST_CROSSED, highest), other), share * typical)
-        if whitening is not None:
-            limits[0] = _of_persons(crossed, of_class, typical, unlike[0])
-        elif len(classes) > 1:
-            limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0]))
+        if len(classes) > 1 and not by_people.all():
+            limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0], whitening))
+        limits[0] = np.where(by_people, _of_persons(crossed, of_class, typical, unlike[0]), limits[0])
         counts, limits = _counts(float(seconds.max())), np.maximum(limits, np.float32(_TINY))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
-        known = cls(tuple(classes.tolist()), starts, both, screen, limits, whitening, seconds, crossed, counts)
+        named, shown = tuple(classes.tolist()), by_people[starts]
+        known = cls(named, starts, both, screen, limits, whitening, shown, seconds, crossed, counts)
         return known.lowered([clip for clip in motions if clip.class_name == NOTHING])
 
     @property
@@ -452,10 +456,12 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
     return crossed
 
 
-def _whitening(whole: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> Floats | None:
+def _whitening(
+    whole: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]
+) -> tuple[Floats | None, NDArray[np.bool_]]:
     """Learn how people differ in one motion, to weigh directions by it (within-class covariance, Hatch et al. 2006).
 
-    Each motion differs from the nearest one of every other person. All classes count alike.
+    Each motion differs from the nearest one of every other person. All classes that enough persons show count alike.
 
     Parameters
     ----------
@@ -464,21 +470,22 @@ def _whitening(whole: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -
 
     Returns
     -------
-    Shape (numbers, numbers); None where a class has too few persons.
+    Shape (numbers, numbers), and whether each motion's class taught it; None and False where too few classes could.
     """
     actors = np.array([each.actor for each in cut])
     people_of = [np.unique(actors[of_class == place]) for place in np.unique(of_class)]
-    if min(map(len, people_of)) < _PERSONS:
-        return None
+    shown = np.array([len(people) >= _PERSONS for people in people_of])
+    if shown.sum() < min(_CLASSES, len(shown)):
+        return None, np.zeros(len(cut), dtype=bool)
     numbers, courses = whole.shape[2], Pieces.of(whole).courses
     scatter = np.zeros((numbers, numbers))
-    for place, people in enumerate(people_of):
-        own = of_class == place
+    for place in np.flatnonzero(shown).tolist():
+        own, people = of_class == place, people_of[place]
         for person in people:
             theirs, others = courses[own & (actors == person)], courses[own & (actors != person)]
             differ = (others - theirs[(others @ theirs.T).argmax(axis=1)]).reshape(-1, numbers)
             scatter += differ.T @ differ / (len(differ) * len(people))
-    return whitened(scatter, _SHRINKAGE).astype(np.float32)
+    return whitened(scatter, _SHRINKAGE).astype(np.float32), shown[of_class]
 
 
 def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, whitening: Floats | None) -> Numbers:
@@ -553,7 +560,7 @@ def _of_persons(crossed: Numbers, of_class: NDArray[np.intp], typical: Numbers, 
     return limits
 
 
-def _halves(whole: Floats, of_class: NDArray[np.intp], pieces: Pieces) -> Numbers:
+def _halves(whole: Floats, of_class: NDArray[np.intp], pieces: Pieces, whitening: Floats | None) -> Numbers:
     """Give what halves of two classes' motions, put together, cost each motion: a low quantile, shape (motions,)."""
     draw = np.random.default_rng(0)
     drawn: list[Floats] = []
@@ -566,7 +573,7 @@ def _halves(whole: Floats, of_class: NDArray[np.intp], pieces: Pieces) -> Number
         )
         ways = ways_of(path)
         drawn.append(at_equal_way(path, ways, np.zeros(1), ways[-1:]))
-    costs = Pieces.of(np.concatenate(drawn)).costs(pieces)
+    costs = Pieces.of(np.concatenate(drawn), whitening).costs(pieces)
     quantile: Numbers = np.quantile(costs, _QUANTILE, axis=0)
     return quantile
 

@@ -135,8 +135,10 @@ class DoneFollower:
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
         self._limits, self._several = np.float32(self._share) * courses.limits.ravel(), courses.several
-        most = _MOST_SEVERAL if courses.whitening is None else _MOST_PERSONS
-        self._most_growth = {name: most if name in self._several else _MOST_GROWTH for name in courses.classes}
+        self._most_growth = {
+            name: _MOST_PERSONS if by_people else _MOST_SEVERAL if name in self._several else _MOST_GROWTH
+            for name, by_people in zip(courses.classes, courses.by_people.tolist(), strict=True)
+        }
         #: The class of each whole motion, and of each first part.
         self._of_piece = np.tile(courses.of_class, 2)
         lengths = courses.pieces.lengths

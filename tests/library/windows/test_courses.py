@@ -142,6 +142,19 @@ def test_directions_in_which_people_differ_count_less(builtin: MotionLibrary) ->
     assert nearer(several) < nearer(two)
 
 
+def test_few_peoples_classes_keep_their_limits_beside_others(builtin: MotionLibrary) -> None:
+    """One example beside five classes of several persons: these teach the whitening, and are judged by it alone."""
+    names = builtin.classes[:5]
+    several = [each for name in names for each in clips_of(builtin, name)[::3]]
+    one = clips_of(builtin, builtin.classes[-1])[:1]
+    alone, beside = Courses.of(several), Courses.of([*several, *one])
+    np.testing.assert_allclose(beside.whitening, alone.whitening, atol=1e-6)
+    assert beside.by_people.tolist() == [True] * 5 + [False]
+    assert (beside.limits[0, : len(alone.seconds)] <= alone.limits[0] + 1e-6).all()
+    assert (beside.limits[0, len(alone.seconds) :] <= 0.55).all()
+    assert Courses.of([*clips_of(builtin, *names[:4]), *one]).whitening is None
+
+
 def test_classes_that_share_their_beginning_lower_limits() -> None:
     """Where two classes share their beginning it starts neither of them."""
     joints = Skeleton(("lclavicle", "rclavicle", "lhipjoint", "rhipjoint", "lhand"), (-1, 0, 0, 1, 0))

@@ -319,15 +319,12 @@ def _require_sizes(joints: int, frames: Sequence[int]) -> None:
     )
 
 
-def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """Unpack one array's file; zipfile compares its checksum."""
-    return memory.unpacked(archive, name, most + _MAX_PREFIX_BYTES)
-
-
 def _numbers(
-    content: bytes, name: str, kinds: Sequence[DTypeLike], shape: tuple[int, ...] | None = None
+    archive: zipfile.ZipFile, name: str, kinds: Sequence[DTypeLike], shape: tuple[int, ...] | None = None
 ) -> NDArray[Any]:
-    """Give the array of an array's file; it must have one of some kinds and, where a shape is given, that shape."""
+    """Unpack an array; it must have one of some kinds and the shape that is given, or be a header's bytes."""
+    most = MAX_HEADER_BYTES if shape is None else math.prod(shape) * max(np.dtype(each).itemsize for each in kinds)
+    content = memory.unpacked(archive, name, most + _MAX_PREFIX_BYTES)
     file = io.BytesIO(content)
     if np.lib.format.read_magic(file) != (1, 0):
         raise zipfile.BadZipFile
@@ -342,7 +339,7 @@ def _numbers(
 def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
     if "header.npy" not in archive.namelist() and "joints.npy" in archive.namelist():
         raise LibraryFileError(f"{path}: a recording, no motion library: kinespace build {path} -o FILE makes one")
-    text = bytes(_numbers(_content(archive, "header", MAX_HEADER_BYTES), "header", [np.uint8]))
+    text = bytes(_numbers(archive, "header", [np.uint8]))
     kind = msgspec.json.decode(text, type=_Kind)
     if kind.format != FORMAT:
         raise LibraryFileError(f"{path}: not a motion library")
@@ -364,20 +361,17 @@ def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
     _require(header.guests < count, f"guests: expected fewer than the {count} motions, got {header.guests}")
     known = len(header.origins)
     _require(all(place < known for place in motions.origin), f"origin: expected 0 to {known - 1}")
-    bytes_of = {name: 4 * math.prod(shape) for name, shape in header.learned.items()}
-    _require(sum(bytes_of.values()) <= MAX_LEARNED_BYTES, f"learned: expected at most {MAX_LEARNED_BYTES} bytes")
-    expected = sorted(
-        f"{name}.npy" for name in ("header", "positions", "starts", *(f"{_LEARNED}{each}" for each in bytes_of))
-    )
+    learned_bytes = 4 * sum(map(math.prod, header.learned.values()))
+    _require(learned_bytes <= MAX_LEARNED_BYTES, f"learned: expected at most {MAX_LEARNED_BYTES} bytes")
+    names = ["header", "positions", "starts", *(f"{_LEARNED}{each}" for each in header.learned)]
+    expected = sorted(f"{each}.npy" for each in names)
     _require(sorted(archive.namelist()) == expected, "arrays: expected exactly the arrays that the header lists")
-    content = _content(archive, "positions", joints * 3 * total * _LARGE.itemsize)
-    steps = _numbers(content, "positions", [_SMALL, _LARGE], (joints, 3, total))
-    content = _content(archive, "starts", count * 3 * _LARGE.itemsize)
-    starts = _numbers(content, "starts", [_LARGE], (count, 3))
+    steps = _numbers(archive, "positions", [_SMALL, _LARGE], (joints, 3, total))
+    starts = _numbers(archive, "starts", [_LARGE], (count, 3))
     learned = {}
     for own, shape in header.learned.items():
         name = f"{_LEARNED}{own}"
-        learned[own] = array = _numbers(_content(archive, name, bytes_of[own]), name, [np.dtype("<f4")], shape)
+        learned[own] = array = _numbers(archive, name, [np.dtype("<f4")], shape)
         _require(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
     positions = _decoded(steps, starts, motions.frames)
     texts = zip(motions.name, motions.class_name, motions.actor, motions.take, strict=True)

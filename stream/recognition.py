@@ -271,6 +271,12 @@ class Recognition:
         return self.classes.index(self.progress.class_name) if self.progress else -1
 
     @property
+    def followed(self) -> tuple[float, float, float]:
+        """Phase, speed and amplitude of the motion whose progress is given, for programs that expect numbers; or 0s."""
+        progress = self.progress
+        return (progress.phase, progress.speed, progress.amplitude) if progress else (0.0, 0.0, 0.0)
+
+    @property
     def guess_index(self) -> int:
         """Index of the best guess, also when it is held back as unknown; -1 when there is no guess."""
         return self.best if self.outcome in (Outcome.NAMED, Outcome.UNKNOWN) else -1

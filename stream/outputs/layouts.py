@@ -171,11 +171,9 @@ class WekinatorLayout(Layout):
 
         With progress also `/wek/progress f*3*performers`: phase, speed and amplitude, as continuous outputs.
         """
-        progress = recognition.progress
-        self._follows = self._follows or progress is not None
-        followed = (progress.phase, progress.speed, progress.amplitude) if progress else _NOT_FOLLOWED
-        performer = recognition.performer
-        self._places[self._place_of(performer)] = performer, float(recognition.class_index + 1), followed
+        self._follows = self._follows or recognition.progress is not None
+        performer, number = recognition.performer, float(recognition.class_index + 1)
+        self._places[self._place_of(performer)] = performer, number, recognition.followed
         return self._outputs()
 
     def _outputs(self) -> bytes:
@@ -418,10 +416,10 @@ class WrittenLayout(Layout):
 
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Encode the messages of an answer."""
-        progress = recognition.progress
-        followed = (progress.phase, progress.speed, progress.amplitude) if progress else (0.0, 0.0, 0.0)
         named = _class_facts(recognition.performer, recognition.label, recognition.class_index, recognition.score)
-        further = dict(zip(("margin", "phase", "speed", "amplitude"), (recognition.margin, *followed), strict=True))
+        further = dict(
+            zip(("margin", "phase", "speed", "amplitude"), (recognition.margin, *recognition.followed), strict=True)
+        )
         return self._encoded("answer", {**named, **further})
 
     def event(self, event: Event | Done) -> bytes | None:

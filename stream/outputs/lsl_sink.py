@@ -60,13 +60,12 @@ class LslSink(Sink):
 
     def publish_recognition(self, recognition: Recognition) -> None:
         """Give a performer's scores, progress and class."""
-        name, progress = recognition.performer, recognition.progress
+        name = recognition.performer
         classes, stream = self._streams.get(name, ((), None))
         if stream is None or classes != recognition.classes:
             stream = self._opened(name, recognition.classes)
         self._newest[name] = recognition.time
-        followed = (progress.phase, progress.speed, progress.amplitude) if progress else (0.0, 0.0, 0.0)
-        further = (float(recognition.class_index), recognition.margin, *followed)
+        further = (float(recognition.class_index), recognition.margin, *recognition.followed)
         stream.push_sample([*map(float, recognition.scores), *further])
 
     def _opened(self, name: str, classes: Sequence[str]) -> Any:  # noqa: ANN401 - pylsl's class, which is an extra's

@@ -1,12 +1,14 @@
 """Processes and threads beside the loop: they neither get the user's signals nor make a frame wait."""
 
 import multiprocessing
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
 
 from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
 from kinespace.stream.packet import remember
@@ -36,6 +38,11 @@ def signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+#: Goes on until its second argument says that the end is wanted. Its first argument gets a line that says that it has
+#: begun, perhaps more later.
+Serve = Callable[[Callable[[str], None], Callable[[], bool]], None]
+
+
 class Child:
     """A new process that says when it has begun, or why it has not, and ends when our end of its pipe is closed.
 
@@ -43,11 +50,8 @@ class Child:
     ----------
     name
         What it is called in messages.
-    work
-        Runs in the process, with the other end of the pipe and `plan`. The first thing that it sends is a line that
-        says that it has begun, or an exception.
-    plan
-        What it gets.
+    serve
+        Runs in the process. OSError, ValueError and ImportError that it raises come back as what it sends.
     max_end
         Seconds after which it is killed when it is to end.
 
@@ -68,10 +72,10 @@ class Child:
         It sent this exception.
     """
 
-    def __init__(self, name: str, work: Callable[..., None], plan: object, *, max_end: float) -> None:
+    def __init__(self, name: str, serve: Serve, *, max_end: float) -> None:
         context, self._max_end = multiprocessing.get_context("spawn"), max_end
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=work, args=(theirs, plan), daemon=True)
+        self.process = context.Process(target=_serve, args=(theirs, serve), daemon=True)
         with signals_held():
             self.process.start()
         theirs.close()
@@ -92,6 +96,18 @@ class Child:
         if self.process.is_alive():
             self.process.kill()
             self.process.join()
+
+
+def _serve(connection: Connection, serve: Serve) -> None:
+    """Run in the child, until the parent closes its end or is gone."""
+    leave_signals_to_parent()
+    with suppress(OSError):
+        try:
+            serve(connection.send, connection.poll)
+        except (OSError, ValueError, ImportError) as error:
+            connection.send(error)
+    # A camera's driver may hang, and would keep the process.
+    os._exit(0)
 
 
 def leave_signals_to_parent(*, termination: bool = False) -> None:

@@ -6,11 +6,10 @@ are admitted. `zmq.auth` makes, reads and checks them, so that every other progr
 
 import os
 import struct
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import zmq
-from zmq.auth.thread import ThreadAuthenticator
 
 #: The ending of a public key.
 PUBLIC = ".key"
@@ -103,7 +102,9 @@ class Keyring(AbstractContextManager["Keyring"]):
         #: Names by public key.
         self._names = {_keys_in(path)[0]: path.name.removesuffix(PUBLIC) for path in sorted(folder.glob(f"*{PUBLIC}"))}
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._authenticator: ThreadAuthenticator | None = None
+        #: Ends the authenticator, if any peer may be admitted, and then the context.
+        self._opened, self._admits = ExitStack(), False
+        self._opened.callback(self.context.destroy, linger=0)
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -137,20 +138,18 @@ class Keyring(AbstractContextManager["Keyring"]):
         return others[0] if others else self._public
 
     def _admit_known_keys(self) -> None:
-        if self._authenticator:
+        if self._admits:
             return
         from zmq.auth.thread import ThreadAuthenticator  # noqa: PLC0415 - loads asyncio, which takes long
 
-        self._authenticator = ThreadAuthenticator(self.context)
-        self._authenticator.start()
-        self._authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
+        authenticator, self._admits = ThreadAuthenticator(self.context), True
+        authenticator.start()
+        self._opened.callback(authenticator.stop)
+        authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
 
     def close(self) -> None:
         """Admit no peer any more, and close the sockets that are still open."""
-        if self._authenticator:
-            self._authenticator.stop()
-            self._authenticator = None
-        self.context.destroy(linger=0)
+        self._opened.close()
 
 
 def _keys_in(path: Path) -> tuple[bytes, bytes]:

@@ -39,6 +39,7 @@ VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.
 MAX_HEADER = 65_536
 _TYPES: dict[str, np.dtype[np.floating]] = {name: np.dtype(name) for name in ("<f4", "<f8")}
+#: Joints of a frame, and of a body that is drawn, at most.
 _MAX_JOINTS = 4096
 #: The highest sequence number.
 MAX_SEQ = 2**63 - 1
@@ -334,10 +335,6 @@ def encode(message: object, *, named: bool = True) -> list[bytes] | None:
     return encoder(message) if encoder else None
 
 
-#: Joints of a body that is drawn, at most.
-MAX_JOINTS = 4096
-
-
 class BodyHeader(msgspec.Struct, omit_defaults=True):
     """The fields that describe a body; None for a field that is as it was in the message before."""
 
@@ -371,7 +368,7 @@ def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:
         kind, _, performer = topic.decode().partition("/")
     except (ValueError, RecursionError):
         return None
-    if kind != "body" or not 0 < header.joints <= MAX_JOINTS or len(positions) != 12 * header.joints:
+    if kind != "body" or not 0 < header.joints <= _MAX_JOINTS or len(positions) != 12 * header.joints:
         return None
     described = (header.names, header.parents, header.carried)
     if any(each is not None and len(each) != header.joints for each in described):

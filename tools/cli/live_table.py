@@ -3,8 +3,8 @@
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 from rich.table import Table
 from rich.text import Text
@@ -316,19 +316,16 @@ def refused_frames(performer: str, why: str) -> str:
     return f"performer {performer}: frames refused: {why}"
 
 
-def counted(status: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
+def counted(status: Status) -> Iterator[tuple[str, int]]:
     """Give the counters that are shown, by their words: all that came in, and further ones above 0."""
     for words, path in COUNTERS:
-        count: Any = status
-        for part in path.split("."):
-            count = count.get(part, 0) if isinstance(count, Mapping) else 0
-        if count or words == "received":
+        if (count := attrgetter(path)(status)) or words == "received":
             yield words, count
 
 
 def counts(status: Status) -> str:
     """Count in one line all that came in and was lost; answers that were not sent stand in the summary."""
-    counters = ", ".join(f"{words} {count}" for words, count in counted(asdict(replace(status, unsent=0))))
+    counters = ", ".join(f"{words} {count}" for words, count in counted(replace(status, unsent=0)))
     return counters + (" (messages too large or too many?)" if status.inputs.broken else "")
 
 

@@ -12,7 +12,6 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -271,45 +270,25 @@ _MAX_START = 60.0
 _GREET_EVERY = 50
 
 
-@dataclass(frozen=True, slots=True)
-class BackgroundService:
-    """`kinespace live`, or an echo, in its own process on this machine.
-
-    Attributes
-    ----------
-    process_id
-        The number of the process.
-    """
+class Connected(NamedTuple):
+    """A service in its own process, by its number; a sender of frames that reach it, and a receiver of its answers."""
 
     process_id: int
-    _frames_to: str
-    _answers_at: str
-    _receiver: osc.OscReceiver | None
-    _echoes: bool
+    sender: FrameSender
+    receiver: Receiver
 
-    def connect(self) -> tuple[FrameSender, Receiver]:
-        """Open a sender of frames to the service and a receiver of its answers, and check that both reach it.
 
-        UDP reaches it at once. ZeroMQ peers take a moment to connect, and messages before that are lost.
-
-        Raises
-        ------
-        TimeoutError
-            They did not connect within a minute.
-        """
-        if self._receiver:
-            return OscFrameSender(*host_and_port(self._frames_to)), self._receiver
-        sender = ZmqFrameSender(Endpoint(self._frames_to, bind=False))
-        receiver = zeromq.ZmqReceiver(Endpoint(self._answers_at, bind=False))
-        until = time.monotonic() + _MAX_START
-        while time.monotonic() < until:
-            sender.greet()
-            receiver.socket.poll(_GREET_EVERY)
-            while (parts := receiver.receive()) is not None:
-                # A greeting came back, or a status counts it.
-                if self._echoes or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
-                    return sender, receiver
-        raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
+def _meet(sender: ZmqFrameSender, receiver: zeromq.ZmqReceiver, *, echoes: bool) -> None:
+    """Wait until both have connected, or a minute has passed (TimeoutError): messages before that are lost."""
+    until = time.monotonic() + _MAX_START
+    while time.monotonic() < until:
+        sender.greet()
+        receiver.socket.poll(_GREET_EVERY)
+        while (parts := receiver.receive()) is not None:
+            # A greeting came back, or a status counts it.
+            if echoes or (parts[0] == b"status/" and json.loads(parts[1])["inputs"]["received"]):
+                return
+    raise TimeoutError("ZeroMQ: the recogniser's process was not reached")
 
 
 @contextmanager
@@ -320,8 +299,8 @@ def background_service(
     settings: Settings | None = None,
     echoes: bool = False,
     performers: int = 32,
-) -> Iterator[BackgroundService]:
-    """Start `kinespace live`, or an echo, in its own process on this machine, and end it.
+) -> Iterator[Connected]:
+    """Start `kinespace live`, or an echo, in its own process on this machine, and connect to it; end both.
 
     Parameters
     ----------
@@ -340,6 +319,8 @@ def background_service(
     ------
     ChildProcessError
         The process ended before it began; the message says why.
+    TimeoutError
+        It did not connect within a minute.
     """
     with ExitStack() as opened:
         receiver = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0))) if transport == "osc" else None
@@ -355,4 +336,11 @@ def background_service(
         started = Program(f"{port}", module=echo.__name__) if echoes else Program("live", *command)
         program = opened.enter_context(started)
         frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
-        yield BackgroundService(program.process.pid, frames_to, answers_at, receiver, echoes)
+        if receiver:
+            sender = opened.enter_context(closing(OscFrameSender(*host_and_port(frames_to))))
+            yield Connected(program.process.pid, sender, receiver)
+            return
+        peer = opened.enter_context(closing(ZmqFrameSender(Endpoint(frames_to, bind=False))))
+        answers = opened.enter_context(closing(zeromq.ZmqReceiver(Endpoint(answers_at, bind=False))))
+        _meet(peer, answers, echoes=echoes)
+        yield Connected(program.process.pid, peer, answers)

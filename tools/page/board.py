@@ -7,7 +7,7 @@ and answers the newest, of motions and notices all of the last minute.
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
@@ -208,7 +208,7 @@ class Board:
         self._further = {name: arrived for name, arrived in self._further.items() if arrived >= now - _SILENT}
         shown = {
             "at": now,
-            "counters": list(counted(asdict(status))),
+            "counters": list(counted(status)),
             "frames": status.frames_per_second,
             "promise": promise(status.promised, status.missed),
             "hop": [status.hop_p50, status.hop_p99],

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 import msgspec
 import zmq
 
-from kinespace.stream.service.background import Child, leave_signals_to_parent
+from kinespace.stream.service.background import Child
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli.values import host_and_port, opening
 
@@ -207,7 +207,7 @@ class PageProcess(AbstractContextManager["PageProcess"]):
         self._watching.start()
 
     def _begin(self, plan: Plan) -> None:
-        self._child = Child(plan.name, _serve, plan, max_end=_MAX_END)
+        self._child = Child(plan.name, plan.serve, max_end=_MAX_END)
         self.address = self._child.said
 
     def __exit__(self, *_: object) -> None:
@@ -234,13 +234,3 @@ class PageProcess(AbstractContextManager["PageProcess"]):
         wait([self._child.process.sentinel])
         if not self._ending:
             self._say(f"{plan.name}: its process died again; kinespace goes on without it")
-
-
-def _serve(connection: Connection, plan: Plan) -> None:
-    """Run in the child: say the address, go on until the parent closes its end or is gone."""
-    leave_signals_to_parent()
-    with suppress(BrokenPipeError, ConnectionError):
-        try:
-            plan.serve(connection.send, connection.poll)
-        except (OSError, ValueError) as error:
-            connection.send(error)

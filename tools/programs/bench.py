@@ -11,7 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, nullcontext
+from contextlib import nullcontext
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
@@ -294,11 +294,9 @@ def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # 
     NaN: frames that were lost cost nothing.
     """
     with background_service(transport, performers=CROWD, echoes=echo) as service:
-        sender, receiver = service.connect()
-        with closing(sender), closing(Listener(receiver)) as listener:
-            before = core_seconds(service.process_id)
-            played = play(feed.cues(), [sender], listener)
-            core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent[0])
+        before = core_seconds(service.process_id)
+        played = play(feed.cues(), [service.sender], Listener(service.receiver))
+        core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent[0])
     due = len(played.sent[0]) if echo else len(feed.answers)
     answered = len(played.received) if echo else sum(answer_in(each.packet) is not None for each in played.received)
     missing = max(due - answered, 0)

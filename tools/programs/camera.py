@@ -1,13 +1,17 @@
-"""The command line of `kinespace camera`: its arguments, and the run that they ask for."""
+"""`kinespace camera`: finds bodies in pictures, and sends their joints.
+
+Finds bodies in the pictures of a camera or a film (BlazePose) and sends their joints as frames, until the film ends or
+Ctrl-C. Pictures stay in this process: nothing is stored or sent but numbers. The whole body must be in the picture.
+Exit status: 0 done, 2 could not be done, or a film without a body.
+"""
 
 import argparse
-import os
 import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, closing, suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +20,7 @@ import numpy as np
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream import Frame
-from kinespace.stream.service.background import Child, leave_signals_to_parent
+from kinespace.stream.service.background import Child
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.camera.bodies import Bodies, landmark_body, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
@@ -32,11 +36,6 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.description = (
-        "Finds bodies in the pictures of a camera or a film (BlazePose) and sends their joints as frames, until the "
-        "film ends or Ctrl-C. Pictures stay in this process: nothing is stored or sent but numbers. The whole body "
-        "must be in the picture. Exit status: 0 done, 2 could not be done, or a film without a body."
-    )
     text = "a camera, a film, a stream (default: camera 0)"
     parser.add_argument("source", nargs="?", default="0", metavar="0|FILE|URL", help=text)
     parser.add_argument("--osc", metavar="HOST:PORT", help=f"send OSC there (default {OSC_IN})")
@@ -72,6 +71,10 @@ class CameraPlan:
     models: Path | None = None
     size: str = "full"
     fast: bool = False
+
+    def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+        """Watch in a process of its own; at the end `started` gets the counts, too."""
+        started(str(watch(self, started, wants_end)))
 
 
 @dataclass(slots=True)
@@ -168,12 +171,12 @@ class CameraProcess(AbstractContextManager["CameraProcess"]):
     Raises
     ------
     ImportError, OSError, ValueError
-        As `session.watch`, before the first picture.
+        As `watch`, before the first picture.
     """
 
     def __init__(self, plan: CameraPlan, say: Callable[[str], object]) -> None:
         require_extra()
-        self._child, self._say, self._ending = Child("camera", _watch, plan, max_end=_MAX_END), say, False
+        self._child, self._say, self._ending = Child("camera", plan.serve, max_end=_MAX_END), say, False
         self.opened = self._child.said
         threading.Thread(target=self._listen, name="kinespace camera", daemon=True).start()
 
@@ -188,15 +191,3 @@ class CameraProcess(AbstractContextManager["CameraProcess"]):
             last = self._child.connection.recv()
         if not self._ending:
             self._say(f"camera: {last}")
-
-
-def _watch(connection: Connection, plan: CameraPlan) -> None:
-    """Run in the child: say what is watched, go on until the film ends, or the parent says so or is gone."""
-    leave_signals_to_parent()
-    with suppress(OSError):
-        try:
-            connection.send(str(watch(plan, connection.send, connection.poll)))
-        except (OSError, ValueError, ImportError) as error:
-            connection.send(error)
-    # A camera's driver may hang, and would keep the process.
-    os._exit(0)

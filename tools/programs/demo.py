@@ -10,7 +10,7 @@ import time
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import closing, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -72,16 +72,13 @@ def run(options: argparse.Namespace) -> int:
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     expected = service.expected_answers(cues, library, settings)
     watched = console.is_terminal and not options.json
-    with service.background_service(options.transport, library=library, settings=settings) as background:
-        sender, receiver = background.connect()
-        show = _Show([motion.class_name for motion in motions], expected, options.transport)
-        with (
-            closing(sender),
-            closing(service.Listener(receiver)) as listener,
-            Live(console=console, auto_refresh=False) if watched else nullcontext() as live,
-        ):
-            sender.announce(Announcement(PERFORMER, library.skeleton.joints))
-            _play(cues, sender, listener, show, live)
+    show = _Show([motion.class_name for motion in motions], expected, options.transport)
+    with (
+        service.background_service(options.transport, library=library, settings=settings) as background,
+        Live(console=console, auto_refresh=False) if watched else nullcontext() as live,
+    ):
+        background.sender.announce(Announcement(PERFORMER, library.skeleton.joints))
+        _play(cues, background.sender, service.Listener(background.receiver), show, live)
     if options.json:
         print_json(show.as_json())
     else:

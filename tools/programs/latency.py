@@ -7,7 +7,6 @@ same run.
 import argparse
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from itertools import count, cycle, repeat
 from typing import NamedTuple
 
@@ -116,20 +115,16 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     with (
         service.background_service(transport, settings=settings) as background,
         service.background_service(transport, echoes=True) as echo,
-        ExitStack() as opened,
     ):
-        (sender, answers_at), (echo_sender, echoes_at) = background.connect(), echo.connect()
-        listener = service.Listener(answers_at, echoes_at)
-        for each in (sender, echo_sender, listener):
-            opened.callback(each.close)
-        sender.announce(Announcement("latency", library.skeleton.joints))
+        listener, senders = service.Listener(background.receiver, echo.receiver), (background.sender, echo.sender)
+        background.sender.announce(Announcement("latency", library.skeleton.joints))
         # Greetings from the connection are not part of the run.
         listener.listen_until(time.perf_counter() + _SETTLE)
-        _, (sent, echo_sent), received = service.play(cues, (sender, echo_sender), listener, 0.5 / rate_hz)
+        _, (sent, echo_sent), received = service.play(cues, senders, listener, 0.5 / rate_hz)
     matcher = service.AnswerMatcher(expected)
-    echoes = [each for each in received if each.receiver is echoes_at]
-    answers = [(service.answer_in(each.packet), each.arrival) for each in received if each.receiver is answers_at]
-    pairs = [(matcher.match(answer), arrival) for answer, arrival in answers if answer]
+    echoes = [each for each in received if each.receiver is echo.receiver]
+    own = [each for each in received if each.receiver is background.receiver]
+    pairs = [(matcher.match(answer), each.arrival) for each in own if (answer := service.answer_in(each.packet))]
     return Latency(
         transport=transport,
         rate_hz=rate_hz,

@@ -150,10 +150,16 @@ def test_a_sink_takes_messages_that_there_are() -> None:
     assert set(re.findall(r"(publish_\w+)(?:\(self, \w+: | = publish_)", sinks)) == known
 
 
-def test_the_core_is_loaded_without_transports() -> None:
-    """Importing the recogniser and the library, as the README does, loads no transport, no terminal and no scipy."""
-    others = "{'zmq', 'pythonosc', 'rich', 'matplotlib', 'scipy'}"
-    code = f"import sys, kinespace.library, kinespace.stream; print(sorted({others} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("modules", "others"),
+    [
+        ("kinespace.library, kinespace.stream", {"zmq", "pythonosc", "rich", "matplotlib", "scipy"}),
+        ("kinespace.tools.programs.live", {"asyncio", "websockets", "matplotlib"}),
+    ],
+)
+def test_a_module_is_loaded_without_others(modules: str, others: set[str]) -> None:
+    """The recogniser and the library need no transport, no terminal and no scipy; a program's start no asyncio."""
+    code = f"import sys, {modules}; print(sorted({others} & set(sys.modules)))"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == "[]\n"

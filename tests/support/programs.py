@@ -131,8 +131,6 @@ def summary_counts(output: str) -> dict[str, int]:
     """Read the counts out of the last lines of `kinespace live`."""
     said = re.findall(r"\breceived \d+.*", output)
     told = re.search(r"(\d+) answers of (\d+) frames[^,]*, (\d+) windows started again, (\d+) answers not sent", output)
-    assert said
-    assert told
     # A count of zero is not said.
     found = {name: re.search(rf"\b{name} (\d+)", said[-1]) for name in _OF_INPUT}
     of_input = {name: int(each[1]) if each else 0 for name, each in found.items()}

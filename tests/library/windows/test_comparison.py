@@ -168,7 +168,6 @@ def test_of_some_classes() -> None:
     draw, names = np.random.default_rng(4), [*"abc" * 9]
     head = Head.learned(draw.normal(size=(27, 5)).astype(np.float32), names)
     some = head.of_classes(("c", "a"))
-    assert some is not None
     added = some.added([draw.normal(size=5)])
     assert np.exp(-added / 0.06).sum() == pytest.approx(1)
     assert np.array_equal(some.factors, head.factors[:, [2, 0]])
@@ -197,7 +196,6 @@ def test_motions_stand_behind_others_of_the_same_person(people: MotionLibrary) -
 def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
     """Only where a library's own people teach all parts together, and while all classes are theirs."""
     index = WindowIndex.of(people)
-    assert index.head
     assert index.head.classes == people.classes
     assert WindowIndex.of(people, weighing=ACROSS_LABORATORIES).head is None
     assert WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb")))).head is None

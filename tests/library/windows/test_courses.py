@@ -46,7 +46,6 @@ def test_points_are_those_of_the_definition(builtin: MotionLibrary) -> None:
         for joints in (None, ("root", "lclavicle", "rclavicle", "lhipjoint", "rhipjoint", "lhand", "rhand")):
             some = clip.restricted_to(joints) if joints else clip
             corners = corners_of(some.skeleton)
-            assert corners is not None
             body = some.positions[::4]
             expected = naive.own_points_of(body.astype(np.float64), tuple(corners))  # type: ignore[arg-type]
             np.testing.assert_allclose(own_path(body, some.skeleton)[0], expected, atol=1e-9)
@@ -132,7 +131,6 @@ def test_directions_in_which_people_differ_count_less(builtin: MotionLibrary) ->
     clips = clips_of(builtin, SQUAT, GRAB)
     several = Courses.of(clips)
     two = Courses.of([replace(each, actor="ab"[each.actor in ("bd", "bk")]) for each in clips])
-    assert several.whitening is not None
     read = [
         (each.class_name, each.actor, Courses.of([each]).whole.courses[0].reshape(POINTS - 1, -1)) for each in clips
     ]
@@ -194,7 +192,6 @@ def test_the_same_recordings_under_several_names_say_nothing_of_people(builtin: 
     """Three names of one person's motions weigh all directions alike; the limits are numbers."""
     clips = [clips_of(builtin, name, actor="bk")[0] for name in (SQUAT, GRAB)]
     courses = Courses.of([replace(clip, actor=actor) for clip in clips for actor in "abc"])
-    assert courses.whitening is not None
     np.testing.assert_allclose(courses.whitening @ courses.whitening.T, np.eye(93) / 0.4, atol=1e-5)
     assert np.isfinite(courses.limits).all()
     assert (courses.limits > 0).all()

@@ -158,10 +158,8 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
     _assert_same_windows(index, anew)
     one_by_one = first.with_motions(clips[:1]).with_motions(clips[1:])
     _assert_same_windows(one_by_one, index)
-    assert one_by_one.origin is not None
     assert (one_by_one.origin.source, one_by_one.origin.added) == (first, tuple(clips))
     closer = first.with_motions(clips[:1]).with_motions(clips[1:], every=0.1)
-    assert closer.origin is not None
     assert closer.origin.source is not first
     assert len(closer) > len(index)
     for learned in ("comparison", "basis", "rejection"):

@@ -163,7 +163,6 @@ def test_of_many_classes_a_guess_needs_more() -> None:
 def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) -> None:
     """With all joints as in the built-in library's file, with fewer moved to what is typical of these."""
     learned = builtin_index.library.learned
-    assert learned is not None
     kept, rejection = Rejection.of_kept(learned, 5), builtin_index.rejection
     assert rejection is builtin_index.rejection
     assert (rejection.offset, rejection.typical.tolist()) == (kept.offset, kept.typical.tolist())

@@ -80,10 +80,8 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     assert kept_of(keeping, replace(across, first=1.0)) is None
     assert kept_of(replace(keeping, learned=None), across) is None
     # Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing.
-    assert keeping.learned is not None
     numbers = Learned({**keeping.learned.named, "offset": np.ones(1, dtype=np.float32)})
     derived = replace(keeping, learned=numbers).without(motions=[one])
-    assert derived.learned is not None
     assert list(derived.learned.named) == ["offset"]
 
 
@@ -110,7 +108,6 @@ def test_arrays_that_do_not_fit_are_refused(
     keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
 ) -> None:
     """An array of another shape raises ValueError with its name, the expectation and the value found."""
-    assert keeping.learned is not None
     arrays = {each: kept for each, kept in keeping.learned.named.items() if each != f"{TAUGHT}{name}"}
     if array is not None:
         arrays[f"{TAUGHT}{name}"] = array.astype(np.float32)

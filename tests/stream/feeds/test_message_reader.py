@@ -105,9 +105,7 @@ def test_a_mistake_is_one_line(old: str, new: str) -> None:
 def read(target: Mapper, packet: bytes) -> Reading:
     """Read one message that is understood."""
     (decoded,) = decode_packet(packet)
-    reading = target.read(decoded)
-    assert reading is not None
-    return reading
+    return target.read(decoded)
 
 
 def test_more_joints_than_names_are_refused() -> None:

@@ -43,7 +43,6 @@ def recognition(
 
 def read(packet: bytes | None) -> dict[str, list[object]]:
     """Read a packet with python-osc: arguments by address."""
-    assert packet is not None
     return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
 
 
@@ -279,7 +278,6 @@ def _layout(folder: Path, text: str) -> WrittenLayout:
 
 
 def _read(packet: bytes | None) -> list[tuple[str, list[object]]]:
-    assert packet is not None
     return [(each.message.address, each.message.params) for each in OscPacket(packet).messages]
 
 

@@ -40,7 +40,6 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
         some = slice(before, end)
         windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
         seen, before = windows.read(), end
-        assert seen is not None
         if timing:
             own = index.comparison.place(seen.signature.parts)
             apart = zip(own, index.vectors, strict=True)

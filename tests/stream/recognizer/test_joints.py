@@ -290,14 +290,6 @@ def test_a_body_is_decided_on_after_seconds_of_movement(small_library: MotionLib
     assert recognizer.unlike is True
 
 
-@pytest.mark.slow
-def test_a_flat_body_is_said_to_be_flat(small_library: MotionLibrary, squat: Clip) -> None:
-    """2-D landmarks with zeros for depth are said to be flat, once they have moved; a body in space is not."""
-    joints = small_library.skeleton.joints
-    assert _asks(small_library, squat.positions * (1.0, 1.0, 0.0), joints) == FLAT
-    assert not _asks(small_library, squat.positions, joints)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_shares_equal_plain_loops(seed: int) -> None:
     """Half of what a pair gives is each of its joints', negative shares count as 0; the foremost pairs are told."""
@@ -359,9 +351,10 @@ def _asks(library: MotionLibrary, positions: NDArray[np.float64], joints: tuple[
 
 @pytest.mark.slow
 def test_another_kind_of_feed_is_said_in_one_line(small_library: MotionLibrary, films: MotionLibrary) -> None:
-    """Either way round; the kind that taught the library is not spoken of."""
+    """Either way round; the kind that taught the library is not spoken of. A flat body is, once it has moved."""
     measured, seen = small_library.restricted_to(JOINTS), films.motions[0].positions
     body = measured.motions[0].positions
+    assert _asks(measured, body * (1.0, 1.0, 0.0), measured.skeleton.joints) == FLAT
     assert NOTES["guessed"] in _asks(measured, seen, JOINTS)
     assert NOTES["measured"] in _asks(films, body, measured.skeleton.joints)
     for text in (_asks(films, seen, JOINTS), _asks(measured, body, measured.skeleton.joints)):

@@ -123,7 +123,6 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     assert checked(index, 9) is None
     for count, alike in ((2, [np.nan] * 3), (3, [0.9, 0.9, 1.2, np.nan])):
         index = windows.index_of(_roster(*squats[:count], ("b", "kickLFront1Reps", 0)))
-        assert index is not None
         found = [checked(index, number) or Check(0, "", 0) for number in range(1, count + 2)]
         assert [each.to_own for each in found] == pytest.approx(alike, abs=0.1, nan_ok=True)
 
@@ -159,8 +158,6 @@ def test_an_example_of_either_side_is_compared_mirrored_too(small_index: WindowI
         assert len(both.library.motions) == len(plain.library.motions) + len(roster.examples)
     windows = TaughtWindows(small_index, with_base=False, either_side=True)
     index, plain = windows.index_of(roster), TaughtWindows(small_index, with_base=False).index_of(roster)
-    assert index is not None
-    assert plain is not None
     for number in (1, 2, 3):
         ours, theirs = checked(index, number), checked(plain, number)
         assert ours.is_first == theirs.is_first
@@ -197,7 +194,6 @@ def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
     found = moved_at_all(nod)
-    assert found
     assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
@@ -220,7 +216,6 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
         elif movement:
             finder.push(time, movement)
             began += [finder.began] if finder.began is not None else []
-    assert began
     assert 1.0 < began[0] < 1.5
 
 

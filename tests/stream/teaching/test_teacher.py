@@ -251,7 +251,6 @@ def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
     """A command that makes no sense at this step is refused with a reason."""
     stage = Stage()
     (told,) = stage.ask(command)
-    assert isinstance(told, State)
     assert told.step is Step.REFUSED
 
 
@@ -261,7 +260,6 @@ def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
     told, changed = stage.teacher.failed(1, "too short")
     assert told == State("ann", Step.REFUSED, 0.0, "too short")
     assert stage.teacher.roster.examples == ()
-    assert isinstance(changed, Changed)
     assert changed.roster is stage.teacher.roster
 
 

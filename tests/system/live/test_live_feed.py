@@ -11,7 +11,6 @@ import pytest
 from golden import moments
 from programs import (
     LOOPBACK,
-    PATIENCE,
     builtin_library,
     free_udp_port,
     ghost_cues,
@@ -19,6 +18,7 @@ from programs import (
     motion_cues,
     started,
     summary_counts,
+    until,
 )
 
 from kinespace.stream import osc
@@ -91,13 +91,12 @@ def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:
 
 def heard(receiver: OscReceiver, address: str) -> list[Message]:
     """Collect messages of one address, waiting for the first."""
-    until = time.monotonic() + PATIENCE
-    messages: list[Message] = []
-    while not messages and time.monotonic() < until:
-        while (datagram := receiver.receive()) is not None:
-            messages += [message for message in decode_packet(datagram) if message.address == address]
-        time.sleep(0.01)
-    return messages
+
+    def came() -> list[Message]:
+        messages = [message for datagram in iter(receiver.receive, None) for message in decode_packet(datagram)]
+        return [message for message in messages if message.address == address]
+
+    return until(came)
 
 
 def test_a_feed_is_recognised_and_several_hear_it() -> None:

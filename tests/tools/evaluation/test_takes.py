@@ -18,7 +18,6 @@ from kinespace.stream import Settings
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation import evaluate_show
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
-from kinespace.tools.evaluation.evaluate_peers import _elsewhere, _even
 from kinespace.tools.evaluation.evaluate_show import lengths_of
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.teaching.lessons import open_taught
@@ -50,14 +49,6 @@ def test_labelled_takes_have_their_segments_and_persons(folder: Path) -> None:
     assert [take.person for take in takes] == ["ann", "ann", "ben"]
     assert [take.person for take in read_takes(Sources([folder]), Reading())] == [""] * 3
     assert all(take.is_known and take.contains == () and take.delivered is None for take in takes)
-
-
-def test_labels_get_other_names(folder: Path) -> None:
-    """Segments are renamed; a name for a label that no take has is refused, also when takes are left out."""
-    takes = read_takes(Sources([folder], names={"row": "pull"}), BY_NAME)
-    assert [segment.label for take in takes for segment in take.segments] == ["clap", "pull", "pull", "hail"]
-    with pytest.raises(ValueError, match="--map: expected a label of the takes, clap, row, got 'hail'"):
-        read_takes(Sources([folder], names={"hail": "pull"}, persons=["ann"]), BY_NAME)
 
 
 # --- clips -------------------------------------------------------------------------------------------------------
@@ -98,22 +89,6 @@ def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
     ]
     with pytest.raises(LabelError, match=r"takes.csv:2: expected the name of a file, got none"):
         read_takes(Sources(tables=[_table(folder, HEADER + ",7,1,clap,\n")]), Reading())
-
-
-SEGMENTS = tuple(
-    Segment(float(place), place + 1.0, label)
-    for place, label in enumerate(["repeated", "bow", "nothing", "bow", "jump"])
-)
-
-
-def test_the_first_segment_of_each_class_teaches() -> None:
-    """Over all of a person's takes; a repeated command and nothing teach nothing."""
-    first, second = (Take(stick_clip("bow", frames=301, rate=60.0), segments) for segments in (SEGMENTS[:3], SEGMENTS))
-    lessons = first_of([first, second])
-    assert {name: (of is first, segment) for name, (of, segment) in lessons.items()} == {
-        "bow": (True, SEGMENTS[1]),
-        "jump": (False, SEGMENTS[4]),
-    }
 
 
 @pytest.mark.parametrize("rate", [30.0, 120.0])
@@ -179,15 +154,6 @@ def test_a_show_is_drawn_again_alike() -> None:
         first, last = round(segment.start * RATE), round(segment.end * RATE)
         shown = lengths_of(show.positions[first:last], PARENTS)
         np.testing.assert_allclose(shown, lengths_of(show.examples[0].positions, PARENTS), atol=0.02)
-
-
-def test_peers_get_a_body_wherever_it_stands() -> None:
-    """A turned body that stands elsewhere is the same to a peer; another motion is not."""
-    first, second = (MotionLibrary.builtin().motions[place] for place in (0, 100))
-    seen = _even([first, _elsewhere(first, np.random.default_rng(3)), second], 16)
-    assert seen.shape == (3, 93, 16)
-    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
-    assert np.abs(seen[0] - seen[2]).max() > 0.1
 
 
 def test_a_peer_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,13 +8,7 @@ import pytest
 from synthetic import ARM, amc_text, arm_frames
 
 from kinespace.library import LibraryFileError, MotionLibrary
-from kinespace.library.recordings import (
-    RecordingError,
-    RecordingReader,
-    clips_of,
-    find_recordings,
-    read_recordings,
-)
+from kinespace.library.recordings import RecordingError, RecordingReader, clips_of, find_recordings, read_recordings
 from kinespace.library.recordings.formats import acclaim
 from kinespace.tools.cli.main import main
 

@@ -8,15 +8,7 @@ from naive_windows import unlikely
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.signature.parts import (
-    EIGEN_LONG,
-    EIGEN_SHORT,
-    PARTS,
-    POSTURE,
-    SPREAD_LONG,
-    Kind,
-    Signature,
-)
+from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, Signature
 from kinespace.library.windows import comparison
 from kinespace.library.windows.comparer import Head
 from kinespace.library.windows.comparison import (

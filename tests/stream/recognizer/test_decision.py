@@ -94,7 +94,7 @@ def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float,
 )
 @settings(max_examples=60)
 def test_events_are_the_twins(course: list[tuple[int, Outcome, float, float, int]], needed: float) -> None:
-    """At any hops, of any outcomes and leads, starts and ends, with their scores, are those that the slow twin lists."""
+    """At any hops, of any outcomes and leads, starts and ends, with their scores, are the slow twin's."""
     time, answers = 5.0, list[Recognition]()
     for leader, outcome, lead, hop, hops in course:
         for _ in range(hops):

@@ -18,14 +18,7 @@ from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.windows.index import MAX_VIEWS
-from kinespace.stream import (
-    Announcement,
-    BackgroundViews,
-    Frame,
-    Performers,
-    Recognition,
-    Settings,
-)
+from kinespace.stream import Announcement, BackgroundViews, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted, NewSender
 from kinespace.stream.service import gateway as gateways
 from kinespace.stream.service import worker

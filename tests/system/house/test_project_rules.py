@@ -323,12 +323,8 @@ paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
         (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
     (tmp_path / "kinespace").symlink_to(ROOT / ".venv/packages/kinespace")
     command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", *sorted(map(str, tmp_path.glob("*.py")))]
-    command += [
-        "--cache-dir",
-        str(ROOT / ".mypy_cache" / "examples"),
-        "--ignore-missing-imports",
-        "--disable-error-code=import-untyped",
-    ]
+    command += ["--cache-dir", str(ROOT / ".mypy_cache" / "examples"), "--ignore-missing-imports"]
+    command += ["--disable-error-code=import-untyped"]
     environment = {**os.environ, "MYPYPATH": str(tmp_path)}
     checked = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "\n".join(line for line in checked.stdout.splitlines() if line.startswith("example")) == ""
@@ -402,16 +398,12 @@ FOLDERS = {"tools/front": "kinespace"} | {
 
 #: Folders of files without modules of the product, which count as packages, too.
 FILES = {
-    f"kinespace.{folder.replace('/', '.')}": folder
-    for folder in (
-        "library/naming/conventions",
-        "stream/feeds/presets",
-        "tools/examples",
-        "tools/examples/processing",
-        "tools/examples/unity",
-        "tools/examples/unity/Runtime",
-        "tools/page/static",
-    )
+    f"kinespace.{name_of(folder).replace('/', '.')}": name_of(folder)
+    for package in PACKAGES
+    for folder in (ROOT / package).rglob("*")
+    if folder.is_dir()
+    and not (folder / "__init__.py").exists()
+    and not {"__pycache__", "node_modules"} & {*folder.parts}
 }
 
 

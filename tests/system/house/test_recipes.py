@@ -23,7 +23,7 @@ _PART = {
             "#: The function that computes each kind"
         ),
         "Kind.TREND: trend}": "Kind.TREND: trend, Kind.LENGTH: length}",
-    },
+    }
 }
 #: Its numbers, live, are those of the windows that are cut; motions are named by it, too.
 _USES_PART = """
@@ -50,14 +50,14 @@ _MESSAGE = {
         "@dataclass(frozen=True, slots=True)\nclass Gone:": (
             "@dataclass(frozen=True, slots=True)\nclass Beat:\n    performer: str\n    number: int\n\n\n"
             "@dataclass(frozen=True, slots=True)\nclass Gone:"
-        ),
+        )
     },
     "stream/osc/messages.py": {
         "def encode_gone(": (
             "def encode_beat(beat) -> bytes:\n"
             '    return encode_message(f"/motion/{address_part(beat.performer)}/beat", beat.number)\n\n\n'
             "def encode_gone("
-        ),
+        )
     },
     "stream/zeromq/messages.py": {
         "import GONE, Answer, ": "import GONE, Answer, Beat, ",
@@ -69,7 +69,7 @@ _MESSAGE = {
     "stream/outputs/layouts.py": {
         "    taught = state\n": (
             "    taught = state\n\n    def beat(self, beat) -> bytes:\n        return answers.encode_beat(beat)\n"
-        ),
+        )
     },
     "stream/service/loop.py": {
         "import Classes, Event": "import Beat, Classes, Event",

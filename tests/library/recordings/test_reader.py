@@ -9,7 +9,6 @@ from synthetic import ARM, amc_text, arm_frames
 
 from kinespace.library import LibraryFileError, MotionLibrary
 from kinespace.library.recordings import RecordingError, RecordingReader, clips_of, find_recordings, read_recordings
-from kinespace.library.recordings.formats import acclaim
 from kinespace.tools.cli.main import main
 
 
@@ -65,21 +64,6 @@ def test_another_file_is_called_by_its_kind(tmp_path: Path, ending: str, content
 
 
 # --- reading -----------------------------------------------------------------------------------------------------
-
-
-def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A skeleton's file is read once for all its motions, and each folder's motions get their own skeleton."""
-    paths = [*_write_arm(tmp_path / "one", "arm_1.amc", "arm_2.amc"), *_write_arm(tmp_path / "two", "arm_3.amc")]
-    read: list[Path] = []
-
-    def noting(path: Path) -> acclaim.AcclaimSkeleton:
-        read.append(path)
-        return read_asf(path)
-
-    read_asf = acclaim.read_asf
-    monkeypatch.setattr(acclaim, "read_asf", noting)
-    assert len(list(read_recordings([*paths, *paths]))) == 6
-    assert read == [tmp_path / "one" / "arm.asf", tmp_path / "two" / "arm.asf"]
 
 
 def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
 from kinespace.library.signature.parts import Part, Signature
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.library.windows.cutting import CutWindows, window_ends
@@ -203,15 +203,6 @@ def test_only_so_many_views_are_kept(people: MotionLibrary, monkeypatch: pytest.
     for each in sets:
         index.by_joints(each)
     assert [index.has_view(each) for each in sets] == [False, True, True]
-
-
-def test_phases_of_classes_that_stay_are_not_computed_again(people_index: WindowIndex) -> None:
-    """After a motion was added, only its class is new; a class called `nothing` has no phases."""
-    before, clip = people_index.phases, stick_clip("jump", seed=40, frames=100)
-    after = people_index.with_motions([replace(clip, class_name="taught")]).phases
-    assert set(after.classes) == {*STICK_CLASSES, "taught"}
-    assert all(after.recorded[name][1] is before.recorded[name][1] for name in STICK_CLASSES)
-    assert NOTHING not in people_index.with_motions([replace(clip, class_name=NOTHING)]).phases.classes
 
 
 @pytest.fixture(scope="module")

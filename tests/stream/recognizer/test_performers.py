@@ -137,13 +137,6 @@ def test_a_performer_is_answered_once_the_windows_are_open(sticks: MotionLibrary
     assert not any(_pushed(performers, [replace(each, time=each.time + 20) for each in frames]))
 
 
-def test_open_windows_are_taken_without_cutting_motions_again(small_library: MotionLibrary) -> None:
-    """The call that meets them may be an asyncio loop's: nothing goes through all frames of the library."""
-    view = opened(small_library).by_joints(small_library.skeleton.joints[:20])
-    Recognizer(view)
-    assert "framed" not in vars(view)
-
-
 def test_joints_that_cannot_be_compared_are_refused_with_the_reason(sticks: MotionLibrary) -> None:
     """The error of opening is the reason why the performer's frames are refused."""
 

@@ -22,7 +22,6 @@ from kinespace.library.recordings.formats.labels import (
     labels_beside,
     oddities,
     read_labels,
-    renamed,
 )
 
 HEADER = "start_s,end_s,label\n"
@@ -191,12 +190,6 @@ def test_odd_labels_cause_a_remark() -> None:
     beyond, tiny = oddities(take, [Segment(0.0, 0.2, "bow"), Segment(1.5, 2.5, "wave"), Segment(7.0, 8.5, "bow")])
     assert beyond == "evening: 2 of 3 labels reach beyond the take (0.0 to 2.0 s): 1 shortened, 1 left out"
     assert tiny == "evening: 1 of 3 labels are shorter than 0.25 s, too short for any window"
-
-
-def test_renaming_leaves_other_labels() -> None:
-    """Labels that are in the names are replaced, others and all times stay."""
-    segments = (Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave"))
-    assert renamed(segments, {"bow": "Verbeugung"}) == (Segment(0.0, 1.0, "Verbeugung"), segments[1])
 
 
 # --- cutting -----------------------------------------------------------------------------------------------------

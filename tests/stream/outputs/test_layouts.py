@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from programs import ROOT
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
@@ -235,35 +236,7 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
     receiver.close()
 
 
-FILMS = """
-title = "a mixer of films"
-port = 7000
-
-[[message]]
-when = "start"
-class = "jump"
-address = "/composition/columns/{number}/connect"
-arguments = [1]
-
-[[message]]
-when = "start"
-address = "/{performer}/{class}"
-arguments = ["begins {class}", "{index}", "{score}"]
-
-[[message]]
-when = "answer"
-address = "/fader"
-arguments = ["{score}", "{margin}", "{phase}", "{speed:.1f} x", 0.5]
-
-[[message]]
-when = "done"
-address = "/count"
-arguments = ["{count}", "{duration}"]
-
-[[message]]
-when = "gone"
-address = "/blackout"
-"""
+FILMS = (ROOT / "tests" / "support" / "films.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -238,13 +238,8 @@ def test_a_hole_in_the_feed_makes_no_example() -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        commands.Rename("squat1Reps", "s"),
-        commands.Forget("squat1Reps"),
-        commands.Enable("nobody", on=True),
-        commands.Stop(),
-        commands.Cancel(),
-        commands.Undo(),
-        commands.Last("ann", 3.0, "wave"),
+        *(commands.Rename("squat1Reps", "s"), commands.Forget("squat1Reps"), commands.Enable("nobody", on=True)),
+        *(commands.Stop(), commands.Cancel(), commands.Undo(), commands.Last("ann", 3.0, "wave")),
     ],
 )
 def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:

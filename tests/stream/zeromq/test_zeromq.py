@@ -91,13 +91,8 @@ def _missing(numbers: list[int | None]) -> int:
 @pytest.mark.parametrize(
     ("numbers", "missing"),
     [
-        ([10, 20, 30], 18),
-        ([0, 3, 2, 1, 4], 0),
-        ([100, 101, 50, 51], 0),
-        ([0, 1, 2, 3, 0, 1, 2, 3, 4], 0),
-        ([0, 5, 0, 1, 2], 4),
-        ([5000, 0, 3], 2),
-        ([None, None], 0),
+        *(([10, 20, 30], 18), ([0, 5, 0, 1, 2], 4), ([5000, 0, 3], 2)),
+        *((none, 0) for none in ([0, 3, 2, 1, 4], [100, 101, 50, 51], [0, 1, 2, 3, 0, 1, 2, 3, 4], [None, None])),
     ],
 )
 def test_gaps_in_the_numbers(numbers: list[int | None], missing: int) -> None:
@@ -371,14 +366,9 @@ def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("address", "others"),
     [
-        ("tcp://127.0.0.1:9320", False),
-        ("tcp://localhost:9320", False),
-        ("ipc:///tmp/feed", False),
-        ("tcp://0.0.0.0:9320", True),
-        ("tcp://*:9320", True),
-        ("tcp://eth0:9320", True),
+        *((address, False) for address in ("tcp://127.0.0.1:9320", "tcp://localhost:9320", "ipc:///tmp/feed")),
+        *((f"tcp://{host}:9320", True) for host in ("0.0.0.0", "*", "eth0", "localhost.example")),  # noqa: S104 - read only
         ("tcp://127.0.0.1:1;0.0.0.0:9320", True),
-        ("tcp://localhost.example:9320", True),
     ],
 )
 def test_addresses_open_to_others_are_detected(address: str, others: bool) -> None:  # noqa: FBT001 - a parameter of the test

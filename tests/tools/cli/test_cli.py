@@ -95,13 +95,9 @@ def test_blas_keeps_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("127.0.0.1:9310", ("127.0.0.1", 9310)),
-        ("0.0.0.0:0", ("0.0.0.0", 0)),  # noqa: S104 - only parsed
-        ("stage.local:65535", ("stage.local", 65535)),
-        ("9310", ("127.0.0.1", 9310)),
-        (":9310", ("127.0.0.1", 9310)),
-        ("[::1]:9310", ("::1", 9310)),
-        ("::1:9310", ("::1", 9310)),
+        *((text, ("127.0.0.1", 9310)) for text in ("127.0.0.1:9310", "9310", ":9310")),
+        *((f"{host}:{port}", (host, port)) for host, port in (("0.0.0.0", 0), ("stage.local", 65535))),  # noqa: S104 - only parsed
+        *((text, ("::1", 9310)) for text in ("[::1]:9310", "::1:9310")),
     ],
 )
 def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -> None:

@@ -306,13 +306,8 @@ def test_the_commands_of_keys() -> None:
     assert keys.command_of("a") == commands.Teach("", "motion 2")
     held = [keys.command_of("h") for _ in range(2)]
     assert held == [commands.Hold("", "motion 3"), commands.Hold("", "motion 3", on=False)]
-    assert [keys.command_of(key) for key in "ynmu?9"] == [
-        commands.Right(),
-        commands.Wrong(),
-        commands.Teach("", "nothing"),
-        commands.Undo(),
-        *(None, None),
-    ]
+    asked = [commands.Right(), commands.Wrong(), commands.Teach("", "nothing"), commands.Undo(), None, None]
+    assert [keys.command_of(key) for key in "ynmu?9"] == asked
     assert keys.command_of("2") is None
     assert shown.hint.startswith("bob is taught")
     assert keys.command_of("n") == commands.Wrong("bob")

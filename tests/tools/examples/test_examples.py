@@ -58,57 +58,8 @@ def test_the_squat_is_named_by_default() -> None:
     assert [(event.kind, event.label) for each in answers for event in each.events] == [(EventKind.START, SQUAT)]
 
 
-#: Runs Pure Data until the patch prints that it has sent all: Pure Data has no option to leave then.
-_PD = """
-import subprocess, sys
-command = [sys.argv[1], "-nogui", "-noaudio", "-stderr", *sys.argv[2:]]
-with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as pd:
-    for line in pd.stderr:
-        print(line, end="")
-        if line.startswith("done"):
-            pd.kill()
-"""
-#: Starts the listener, waits until it has its port, runs the sender, and ends the listener once it has told a start and
-#: a class.
-_PYTHON = """
-import socket, subprocess, sys, time
-listens, answers = sys.argv[1:]
-listening = [sys.executable, "-u", "python_listen.py", answers]
-with subprocess.Popen(listening, stdout=subprocess.PIPE, text=True) as listener:
-    while True:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("127.0.0.1", int(answers)))
-            except OSError:
-                break
-        time.sleep(0.05)
-    subprocess.run([sys.executable, "python_send.py", listens, "2"], check=True)
-    told = ""
-    while " starts" not in told or "python: squat1Reps\\n" not in told:
-        line = listener.stdout.readline()
-        assert line, told
-        told += line
-    print(told)
-    listener.terminate()
-"""
-_SENDS = [part for each in ("listens {listens}", "answers {answers}", "times 2") for part in ("-send", each)]
 #: By the program that must be there: how its example is run, the layout of the answers, and what it prints.
-LANGUAGES = {
-    # It leaves half a second after the last frame.
-    "pd": (
-        [sys.executable, "-c", _PD, "pd", *_SENDS, "puredata.pd"],
-        "puredata",
-        [f"label: {SQUAT}", f"event: start {SQUAT}"],
-    ),
-    # It meets no type that node-osc does not know.
-    "node": (["node", "node.mjs", "{listens}", "{answers}", "2"], "native", [f"node: {SQUAT}\n", f"{SQUAT} starts at"]),
-    "sclang": (["sclang", "-u", "{answers}", "supercollider.scd", "{listens}", "2"], "supercollider", [f"sc: {SQUAT}"]),
-    "python": (
-        [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"],
-        "native",
-        [f"python: {SQUAT}", f"python: {SQUAT} starts"],
-    ),
-}
+LANGUAGES = tomllib.loads(Path(__file__).with_name("languages.toml").read_text(encoding="utf-8"))
 
 
 @pytest.mark.slow
@@ -124,13 +75,13 @@ def test_an_example_gets_its_class(language: str, tmp_path: Path) -> None:
         if modules is None:
             pytest.skip("node-osc is not installed: npm install node-osc")
         (tmp_path / "node_modules").symlink_to(modules)
-    run, layout, expected = LANGUAGES[language]
+    layout, expected, run = LANGUAGES[language].values()
     listens, answers = free_udp_port(), free_udp_port()
     options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
     with started("live", *options, "--plain") as program:
         program.expect("listening on")
         ran = subprocess.run(
-            [each.format(listens=listens, answers=answers) for each in run],
+            [each.format(python=sys.executable, listens=listens, answers=answers) for each in run],
             cwd=tmp_path / "examples",
             # As root Qt's browser refuses to start.
             env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "QTWEBENGINE_DISABLE_SANDBOX": "1"},

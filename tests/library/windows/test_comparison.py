@@ -16,9 +16,7 @@ from kinespace.library.windows.comparison import (
     WITHIN_LABORATORY,
     Lessons,
     Weighing,
-    by_paper,
     learned_metric,
-    squared_distances,
 )
 from kinespace.library.windows.cutting import Measured, window_ends
 
@@ -57,7 +55,7 @@ def test_below_the_views_each_group_is_compared_alone() -> None:
 
 def test_the_papers_weighing_names_by_products() -> None:
     """Negative |inner products| become log(1 − product²), and rounding above 1 makes no NaN."""
-    paper = by_paper(0.7)
+    paper = comparison.by_paper(0.7)
     assert paper.groups == (((Kind.EIGEN, 0.7),),)
     assert (paper.judges, paper.by_products, paper.eigenvectors) == (False, True, 1)
     named = paper.named(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]))
@@ -93,7 +91,7 @@ def test_the_nearest_are_looked_for_in_parts(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(comparison, "_AT_ONCE", 7)
     parts = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
     np.testing.assert_allclose(
-        squared_distances(parts, parts), squared_distances(at_once, at_once), rtol=1e-3, atol=1e-2
+        comparison.squared_distances(parts, parts), comparison.squared_distances(at_once, at_once), rtol=1e-3, atol=1e-2
     )
 
 

@@ -124,14 +124,6 @@ def test_the_more_may_be_named_the_lower_the_threshold() -> None:
     assert REJECTION.threshold_at(1.0) == REJECTION.threshold_at(RATES[-1])
 
 
-def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
-    """Typical evidence with one set of joints gets the logit of typical evidence with another set."""
-    moved = replace(REJECTION, typical=np.array([1.5, 0.5, 0.25, 0.75]))
-    before = REJECTION.logit(Evidence((0.5, -0.25), (1.0, 0.5)), "walk")
-    assert moved.logit(Evidence((1.5, 0.5), (0.25, 0.75)), "walk") == pytest.approx(before)
-    assert np.array_equal(moved.thresholds, REJECTION.thresholds)
-
-
 @pytest.mark.slow
 def test_a_library_learns_from_its_own_motions(learning: WindowIndex) -> None:
     """Motions of a person left out are mostly known; of motions without their class as many as the rate says."""

@@ -71,9 +71,8 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
         assert below(belief, phases, math.nextafter(told.phase, 2)) > 0.5 - 1e-3
         near = sum(each for each, phase in zip(belief, phases, strict=True) if abs(phase - told.phase) <= 0.1)
         assert told.sure == pytest.approx(near, abs=1e-3)
-        expected, usual, swing = (
-            float(np.dot(belief, each)) for each in (few.speeds, few.usual_speeds, few.usual_swings)
-        )
+        kinds = few.speeds, few.usual_speeds, few.usual_swings
+        expected, usual, swing = (float(np.dot(belief, each)) for each in kinds)
         pace.push(past, live[len(live) // 2 :], (expected, usual), swing)
         assert (told.speed, told.amplitude) == pytest.approx((pace.speed, pace.amplitude), rel=1e-3)
 

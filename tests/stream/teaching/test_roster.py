@@ -6,17 +6,9 @@ from synthetic import gesture, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.windows.courses import Courses
+from kinespace.stream.teaching import movement as moving
 from kinespace.stream.teaching.examples import Check, Example, Roster, TaughtWindows, checked
-from kinespace.stream.teaching.movement import (
-    Movement,
-    MovementMeter,
-    StretchFinder,
-    limb_speed,
-    moved_at_all,
-    moved_in,
-    relative_movement,
-    stillness_of,
-)
+from kinespace.stream.teaching.movement import Movement, MovementMeter, StretchFinder
 
 #: What is said of two classes that cannot be told apart.
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
@@ -176,7 +168,7 @@ def test_relative_movement_is_the_textbook_formula() -> None:
         for pair in range(5)
     )
     expected = max(swing - bends / 5 / 6, 0) / sum(each**2 for each in mean)
-    assert relative_movement(rows) == pytest.approx(expected**0.5)
+    assert moving.relative_movement(rows) == pytest.approx(expected**0.5)
 
 
 def test_hysteresis() -> None:
@@ -193,7 +185,7 @@ def test_hysteresis() -> None:
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
-    found = moved_at_all(nod)
+    found = moving.moved_at_all(nod)
     assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
@@ -212,7 +204,7 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
         movement = meter.push(time, body)
         if movement and time < 1:
             standing.append((time, movement))
-            finder = StretchFinder(stillness_of(standing))
+            finder = StretchFinder(moving.stillness_of(standing))
         elif movement:
             finder.push(time, movement)
             began += [finder.began] if finder.began is not None else []
@@ -227,7 +219,7 @@ def test_the_limb_speed_is_that_of_its_joint() -> None:
     bodies[:, 0, 2] = 0.3 * times
     bodies[3, 4] = np.nan
     # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.
-    assert limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
+    assert moving.limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
 
 
 def test_a_joint_that_jumps_begins_no_motion() -> None:
@@ -235,4 +227,4 @@ def test_a_joint_that_jumps_begins_no_motion() -> None:
     nod = gesture("nod")
     standing = np.repeat(nod.positions[:1], 120, axis=0)
     standing[60:64, 18] += 0.1
-    assert [*moved_in(replace(nod, positions=standing))] == []
+    assert [*moving.moved_in(replace(nod, positions=standing))] == []

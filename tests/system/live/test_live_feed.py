@@ -9,18 +9,9 @@ from contextlib import ExitStack
 
 import pytest
 from golden import moments
-from programs import (
-    LOOPBACK,
-    builtin_library,
-    free_udp_port,
-    ghost_cues,
-    live,
-    motion_cues,
-    started,
-    summary_counts,
-    until,
-)
+from programs import LOOPBACK, free_udp_port, ghost_cues, live, motion_cues, started, summary_counts, until
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import osc
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
@@ -128,16 +119,15 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
 
 
-def test_a_joint_that_the_library_lacks_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_joint_that_the_library_lacks_is_named(builtin: MotionLibrary, capsys: pytest.CaptureFixture[str]) -> None:
     """A misspelt joint would be missing without a word: a line names it and the most similar name."""
-    library = builtin_library()
-    joints = [name for name in library.skeleton.joints if name != "head"]
-    assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
+    joints = [name for name in builtin.skeleton.joints if name != "head"]
+    assert len(fitted(builtin, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
     told = (
         "feed mine: the library has no joint 'haed', perhaps head is meant\n"
         "feed mine: not compared, because the library lacks them: haed, tail\n"
         "feed mine: 30 of the library's 31 joints\n"
     )
     assert capsys.readouterr().out == told
-    fitted(library, "feed mine", [*joints, "head", "haed"])
+    fitted(builtin, "feed mine", [*joints, "head", "haed"])
     assert capsys.readouterr().out == ""

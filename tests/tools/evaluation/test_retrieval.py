@@ -9,28 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinespace.library import Clip, distance_rows
-from kinespace.tools.evaluation.evaluate_retrieval import (
-    Labels,
-    Protocol,
-    SignatureKind,
-    Space,
-    candidates,
-    retrieve,
-    signatures_of,
-)
+from kinespace.tools.evaluation import evaluate_retrieval as paper
+from kinespace.tools.evaluation.evaluate_retrieval import Labels, Protocol, candidates, retrieve
 
 
-@pytest.mark.parametrize("space", list(Space))
-def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: Space) -> None:
+@pytest.mark.parametrize("space", list(paper.Space))
+def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: paper.Space) -> None:
     """In each space a motion's axis is the first of the SVD of its numbers, centred or raw, whatever its sign."""
     generator = np.random.default_rng(3)
     turning = [replace(clip, rotations=generator.normal(size=(clip.frames, 59))) for clip in some_clips[:4]]
-    ways = (signatures_of(turning, space, kind) for kind in SignatureKind)
+    ways = (paper.signatures_of(turning, space, kind) for kind in paper.SignatureKind)
     for clip, axis, raw in zip(turning, *ways, strict=True):
         numbers = {
-            Space.DISTANCES: distance_rows(clip.positions, clip.skeleton),
-            Space.POSITIONS: clip.positions.reshape(clip.frames, 93),
-            Space.ROTATIONS: clip.rotations,
+            paper.Space.DISTANCES: distance_rows(clip.positions, clip.skeleton),
+            paper.Space.POSITIONS: clip.positions.reshape(clip.frames, 93),
+            paper.Space.ROTATIONS: clip.rotations,
         }
         _, expected = naive.first_axis_by_svd(numbers[space])
         assert abs(axis @ expected) == pytest.approx(1.0, abs=1e-9)

@@ -16,22 +16,12 @@ from golden import message
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
 from kinespace.library.naming import Naming, hdm05
-from kinespace.stream import (
-    Announcement,
-    Done,
-    Event,
-    EventKind,
-    Frame,
-    Outcome,
-    Progress,
-    Recognition,
-    Recognizer,
-    osc,
-)
+from kinespace.stream import Announcement, Event, EventKind, Frame, Outcome, Progress, Recognition, Recognizer, osc
 from kinespace.stream.feeds import builtin_preset, load_preset
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.outputs import NativeLayout
 from kinespace.stream.outputs.layouts import WrittenLayout
+from kinespace.stream.recognition import Done
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 

@@ -68,10 +68,8 @@ def _shown(index: WindowIndex, numbers: Mapping[Part, np.ndarray], leading: np.n
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
     """Name the class that is nearest to each motion, in the mean of its windows."""
     weighing = index.comparison.weighing
-    means = [
-        np.mean([weighing.named(_logs(index, numbers)) for numbers in _numbers(index, clip)], axis=0) for clip in clips
-    ]
-    return [index.classes[int(each.argmin())] for each in means]
+    named = [[weighing.named(_logs(index, numbers)) for numbers in _numbers(index, clip)] for clip in clips]
+    return [index.classes[int(np.mean(each, axis=0).argmin())] for each in named]
 
 
 def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:

@@ -51,10 +51,8 @@ def test_kept_numbers_are_the_learned_ones(
 @BOTH
 def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: Weighing) -> None:
     """Its windows are as far from each other as in metrics learned here; processors round differently."""
-    kept, learned = (
-        WindowIndex.of(builtin, builtin, weighing),
-        WindowIndex.of(replace(builtin, learned=None), weighing=weighing),
-    )
+    kept = WindowIndex.of(builtin, builtin, weighing)
+    learned = WindowIndex.of(replace(builtin, learned=None), weighing=weighing)
     assert kept_of(builtin, weighing) is not None
     none, ask, again = np.zeros(len(kept), dtype=np.bool_), kept.asked_by, learned.asked_by
     for window in range(0, len(kept), 197):
@@ -81,21 +79,18 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     assert list(derived.learned.named) == ["offset"]
 
 
+DIRECTIONS, AXES = (rf"\(15, at most {most}\) numbers, got \(" for most in (32, 128))
+
+
 @pytest.mark.parametrize(
     ("name", "array", "said"),
     [
         ("basis weights", None, r"\(15,\) numbers, got none"),
         ("basis weights", np.ones(3), r"\(15,\) numbers, got \(3,\)"),
         ("basis share", np.ones(2), r"\(1,\) numbers, got \(2,\)"),
-        *(
-            ("basis directions", np.ones(shape), r"\(15, at most 32\) numbers, got \(")
-            for shape in ((3, 2), (15, 33), (15, 0), 15, (15, 2, 2))
-        ),
+        *(("basis directions", np.ones(shape), DIRECTIONS) for shape in ((3, 2), (15, 33), (15, 0), 15, (15, 2, 2))),
         ("basis directions", None, r"\(15, at most 32\) numbers, got none"),
-        *(
-            ("across posture 0.25 s axes", np.ones(shape), r"\(15, at most 128\) numbers, got \(")
-            for shape in ((3, 2), (15, 129), (15, 0))
-        ),
+        *(("across posture 0.25 s axes", np.ones(shape), AXES) for shape in ((3, 2), (15, 129), (15, 0))),
         ("across posture 0.25 s origin", np.ones(3), r"\(15,\) numbers, got \(3,\)"),
         ("across posture 0.25 s origin", np.ones((1, 15)), r"\(15,\) numbers, got \(1, 15\)"),
     ],

@@ -148,10 +148,8 @@ def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
     none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
     told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
     told.append(read(layout.gone(LEFT)))
-    classes = [
-        next(params for address, params in each.items() if address.endswith(("/class", "/Motion", "/outputs")))
-        for each in told
-    ]
+    said, ends = [[*each.items()] for each in told], ("/class", "/Motion", "/outputs")
+    classes = [next(params for address, params in each if address.endswith(ends)) for each in said]
     numbers = [[value for value in params if not isinstance(value, str)][:1] for params in classes]
     assert numbers[0] == numbers[2] == none
     assert numbers[1] != none
@@ -257,10 +255,8 @@ def _read(packet: bytes | None) -> list[tuple[str, list[object]]]:
 def test_each_moment_has_its_messages(films: WrittenLayout) -> None:
     """Numbers stay numbers, a text around a name is filled in, reserved characters of a name leave the address."""
     assert (films.name, films.port) == ("a mixer of films", 7000)
-    assert _read(films.event(START)) == [
-        ("/composition/columns/2/connect", [1]),
-        ("/Ada%20L/jump", ["begins jump", 1, 0.75]),
-    ]
+    begins = ("/Ada%20L/jump", ["begins jump", 1, 0.75])
+    assert _read(films.event(START)) == [("/composition/columns/2/connect", [1]), begins]
     bow = dataclasses.replace(START, label="bow", index=0)
     assert _read(films.event(bow)) == [("/Ada%20L/bow", ["begins bow", 0, 0.75])]
     assert films.event(dataclasses.replace(START, kind=EventKind.END)) is None

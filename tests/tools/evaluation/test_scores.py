@@ -25,17 +25,7 @@ from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocA
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, Take, folds_of
 from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
-from kinespace.tools.evaluation.words import (
-    KINDS,
-    DoneTake,
-    Heard,
-    Said,
-    Span,
-    by_class,
-    score_done,
-    score_words,
-    word_rows,
-)
+from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
 CLASSES = ("bow", "jump", "wave")
 BOW, JUMP, WAVE = range(3)
@@ -218,9 +208,7 @@ def said(*words: naive_words.Word) -> list[Said]:
 def heard(words: list[Said], segments: tuple[Segment, ...], span: Span, person: str = "ann") -> Heard:
     """Let both kinds say the same words in a minute."""
     ends = {each: each.end for each in segments}
-    return Heard(
-        person, 60.0, segments, dict.fromkeys(KINDS, words), dict.fromkeys(KINDS, span), dict.fromkeys(KINDS, ends)
-    )
+    return Heard(person, 60.0, segments, *(dict.fromkeys(("done", "start"), each) for each in (words, span, ends)))
 
 
 def counts(take: Heard) -> tuple[int, int, int]:

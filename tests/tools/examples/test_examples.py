@@ -116,13 +116,11 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
 def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     """`kinespace examples` lists every file, prints one as it is, and says which names there are."""
     assert main(["examples"]) == 0
-    listed = capsys.readouterr().out.splitlines()
-    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(listed)
+    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(capsys.readouterr().out.splitlines())
     assert main(["examples", "node.mjs"]) == 0
     assert capsys.readouterr().out == (EXAMPLES / "node.mjs").read_text(encoding="utf-8")
     assert main(["examples", "node"]) == 2
-    error = capsys.readouterr().err
-    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in error
+    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in capsys.readouterr().err
 
 
 PACKAGE = ROOT / "tools" / "examples" / "unity"
@@ -184,12 +182,8 @@ def test_a_humanoid_is_sent_and_its_motions_are_heard(tmp_path: Path) -> None:
     for number, frame in enumerate(frames, start=1):
         assert (frame.performer, frame.time) == (PERFORMER, 0.25 + (number - 1) / 64)
         np.testing.assert_array_equal(frame.positions, places)
-    assert printed.splitlines() == [
-        f"started {CLASSES[1]}",
-        f"ended {CLASSES[1]}",
-        f"done {CLASSES[1]}",
-        f"label {CLASSES[1]} phase 0.5 speed 1.25 amplitude 0.75",
-    ]
+    told = [f"{what} {CLASSES[1]}" for what in ("started", "ended", "done", "label")]
+    assert printed.splitlines() == [*told[:3], f"{told[3]} phase 0.5 speed 1.25 amplitude 0.75"]
 
 
 def test_the_package_is_whole() -> None:

@@ -126,10 +126,8 @@ def test_xsens_reads_the_body_alone() -> None:
     """Body segments are read with the sample's time; props and fingers after them are not."""
     segments = b"".join(struct.pack(">i7f", number, 1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0) for number in (1, 2, 24))
     header = struct.pack(">6sIBBIBBBBHH", b"MXTP02", 7, 0x80, 3, 1500, 4, 2, 1, 0, 0, len(segments))
-    assert unpack_xsens(header + segments) == [
-        Message("/xsens/4/1", [1.0, 2.0, 3.0, 1500.0]),
-        Message("/xsens/4/2", [1.0, 2.0, 3.0, 1500.0]),
-    ]
+    body = [Message(f"/xsens/4/{number}", [1.0, 2.0, 3.0, 1500.0]) for number in (1, 2)]
+    assert unpack_xsens(header + segments) == body
     assert unpack_xsens(header.replace(b"MXTP02", b"MXTP13") + segments) == []
     assert unpack_xsens(struct.pack(">6sIBBIBBBBHH", b"MXTP02", *[0] * 10)) == []
 
@@ -160,10 +158,8 @@ def test_numbers_that_did_not_change_are_kept() -> None:
         given = unpack(bundle(message("/p1/a:ty", "f", 6.0)))
     assert given == [Message("/p1/a", [1.0, 6.0, 1.0]), Message("/p1/b", [1.0, 1.0, 1.0])]
     # One by one a number that comes again says that the others did not change.
-    assert [unpack(message("/p1/a:tx", "f", number)) for number in (7.0, 8.0)] == [
-        [],
-        [Message("/p1/a", [7.0, 6.0, 1.0])],
-    ]
+    again = [unpack(message("/p1/a:tx", "f", number)) for number in (7.0, 8.0)]
+    assert again == [[], [Message("/p1/a", [7.0, 6.0, 1.0])]]
 
 
 def test_channels_of_a_sender_that_invents_names_do_not_pile_up() -> None:

@@ -42,9 +42,7 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     library.save(path)
     again = Roster.of_library(MotionLibrary.load(path))
     assert [(each.number, each.class_name) for each in again.examples] == [(1, "zoo"), (2, "abc"), (3, "zoo")]
-    assert [(each.begin, each.end) for each in again.examples] == [
-        (0.0, each.recording.duration) for each in again.examples
-    ]
+    assert all((each.begin, each.end) == (0.0, each.recording.duration) for each in again.examples)
 
 
 @pytest.mark.slow
@@ -105,9 +103,8 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
     windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
     index = windows.index_of(_roster(*squats, ("a", "kickLFront1Reps", 0), ("b", "kickLFront1Reps", 1)))
-    assert np.bincount(index.motions) == pytest.approx(
-        [10 * each.duration - 5 for each in index.library.motions], abs=1
-    )
+    windows_of_each = [10 * each.duration - 5 for each in index.library.motions]
+    assert np.bincount(index.motions) == pytest.approx(windows_of_each, abs=1)
     found = [checked(index, number) or Check(0, "", 0) for number in range(1, 6)]
     assert [each.share_at_risk for each in found] == [0, 0, 0, 1, 0]
     assert [each.nearest for each in found] == ["b"] * 4 + ["a"]

@@ -63,18 +63,15 @@ def test_a_signal_ends_live_with_end_events() -> None:
         assert (stage.program.wait(), stage.program.errors) == (0, "")
         assert summary_counts(stage.program.output)["frames"] == 240
         heard = [packet.packet for packet in stage._listener.listen_until(time.perf_counter() + 0.2)]  # noqa: SLF001 - events too
-    events = [
-        message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
-    ]
-    assert [event.arguments[0] for event in events][-1] == "end"
+    messages = [message for packet in heard for message in osc.decode_packet(packet)]
+    assert [each.arguments[0] for each in messages if each.address.endswith("/event")][-1] == "end"
 
 
 def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:
     """Send a ghost in a product's layout at 30 Hz in real time: most feeds are timed by their arrival."""
     start = time.monotonic()
-    for moment, packets in moments(
-        layout, [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", seconds)[::4]]
-    ):
+    shown = [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", seconds)[::4]]
+    for moment, packets in moments(layout, shown):
         time.sleep(max(0.0, start + moment - 1.0 - time.monotonic()))
         for packet in packets:
             sender.sendto(packet, (LOOPBACK, port))

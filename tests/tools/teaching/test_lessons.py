@@ -82,13 +82,10 @@ def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
 
 def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Sequence[int] = range(31)) -> list[str]:
     """Show a motion between stillnesses by some joints; give the classes that started."""
-    motion = [each for each in MotionLibrary.builtin().motions if each.class_name == class_name and each.actor == "bd"][
-        take
-    ]
-    frames = [*[motion.positions[0]] * 60, *motion.positions, *[motion.positions[-1]] * 60]
-    answers = [
-        stage.push(Frame("ann", begin + place / 60, positions[joints])) for place, positions in enumerate(frames)
-    ]
+    own = [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, "bd")]
+    motion = own[take].positions
+    shown = [each[joints] for each in (*[motion[0]] * 60, *motion, *[motion[-1]] * 60)]
+    answers = [stage.push(Frame("ann", begin + place / 60, each)) for place, each in enumerate(shown)]
     return [event.label for each in answers if each for event in each.events if event.kind == "start"]
 
 

@@ -185,12 +185,9 @@ def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip
     rich = builtin.without(classes=[name for name in builtin.classes if name not in classes])
     skeleton = Skeleton((*rich.skeleton.joints, "prop"))
     tip = rich.skeleton.joints.index("rhand")
-    motions = tuple(
-        replace(
-            each, skeleton=skeleton, positions=np.concatenate([each.positions, each.positions[:, [tip]] + 0.001], 1)
-        )
-        for each in rich.motions
-    )
+    longer = [np.concatenate([each.positions, each.positions[:, [tip]] + 0.001], 1) for each in rich.motions]
+    both = zip(rich.motions, longer, strict=True)
+    motions = tuple(replace(each, skeleton=skeleton, positions=positions) for each, positions in both)
     assert rich.learned is not None
     MotionLibrary(skeleton, motions, rich.learned).save(path)
     before = MotionLibrary.load(path)

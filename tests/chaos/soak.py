@@ -168,11 +168,11 @@ def main() -> int:
             _say({"nobody": "there", **found[-1]})
         ended, printed = ended_with(program), program.printed
     before, after = found
-    may_grow = {"live": Held(MAX_GROWTH, 0, POOL), "page": Held(MAX_GROWTH, 0, POOL)}
+    most = MAX_GROWTH, 0, POOL
     grown = [
         name
-        for name, most in may_grow.items()
-        if any(now > was + more for now, was, more in zip(after[name], before[name], most, strict=True))
+        for name, now in after.items()
+        if any(held > was + more for held, was, more in zip(now, before[name], most, strict=True))
     ]
     _say({"came": stage.came, "taught": stage.taught, "pages": stage.opened, "grown": grown, "ended": ended})
     _say({"on": machine(), "counts": printed.strip().splitlines()[-1]})

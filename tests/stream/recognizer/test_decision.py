@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
-from kinespace.stream import Event, EventKind, LiveSignature, Outcome, Recognition, Settings
+from kinespace.stream import Event, LiveSignature, Outcome, Recognition, Settings
 from kinespace.stream.recognizer.decision import Decision, Hysteresis
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for
@@ -116,4 +116,3 @@ def test_events_are_the_twins(course: list[tuple[int, Outcome, float, float, int
         assert event == Event(
             "p", event.kind, CLASSES[event.index], event.index, scores[event.time][event.index], event.time
         )
-    assert {event.kind for event in events[::2]} <= {EventKind.START}

@@ -66,7 +66,6 @@ def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
             assert got == text
             assert now - before - CLOCKS <= stamp + events.time_correction() <= pylsl.local_clock() - before + CLOCKS
         sink.send(Gone("ann"))
-        assert str(sink) == "LSL"
 
 
 def _outlet(name: str) -> Any:  # noqa: ANN401 - as above

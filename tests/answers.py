@@ -32,26 +32,11 @@ FILE = Path(__file__).with_name("answers.toml")
 #: How far a kept mean may be off: more than another processor's rounding, less than any change of the method.
 TOLERANCE = 1e-4
 _LEFT_ARM = ("lhumerus", "lradius", "lwrist", "lhand", "lthumb", "lfingers")
-#: A body that another program sends: its names of joints of HDM05.
-_SENT = {
-    "Hips": "root",
-    "Spine": "lowerback",
-    "Chest": "thorax",
-    "Neck": "lowerneck",
-    "Head": "head",
-    **{
-        f"{side}{theirs}": f"{ours[0]}{ours[1]}"
-        for side, letter in (("Left", "l"), ("Right", "r"))
-        for theirs, ours in (
-            ("UpperArm", (letter, "humerus")),
-            ("LowerArm", (letter, "radius")),
-            ("Hand", (letter, "wrist")),
-            ("UpperLeg", (letter, "hipjoint")),
-            ("LowerLeg", (letter, "femur")),
-            ("Foot", (letter, "tibia")),
-        )
-    },
-}
+#: A body that another program sends: its names of joints of HDM05, of the limbs without their side.
+_LIMBS = {"UpperArm": "humerus", "LowerArm": "radius", "Hand": "wrist"}
+_LIMBS |= {"UpperLeg": "hipjoint", "LowerLeg": "femur", "Foot": "tibia"}
+_SENT = {"Hips": "root", "Spine": "lowerback", "Chest": "thorax", "Neck": "lowerneck", "Head": "head"}
+_SENT |= {f"{side}{theirs}": side[0].lower() + ours for side in ("Left", "Right") for theirs, ours in _LIMBS.items()}
 
 
 @cache

@@ -7,18 +7,15 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import zmq
+from chaos.performer import stream
 from chaos.trial import started
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame
-from kinespace.tools.feeding.feed import Cue, OscFrameSender
-from kinespace.tools.feeding.service import Place
 from kinespace.tools.programs import bench
 
 #: Seconds after which an example must be safe; seconds of movement before the first one; of an example.
@@ -27,25 +24,13 @@ SAFE, WARM, LONG = 1.0, 2.0, 1.5
 EXAMPLES, PATIENCE = 6, 30.0
 
 
-def perform(place: Place, ended: threading.Event) -> None:
-    """Send a body's frames until it is over."""
-    positions = bench.positions()[::2]
-    with closing(OscFrameSender(*place.osc)) as sender:
-        for number in range(10**9):
-            if ended.wait(1 / 60):
-                return
-            if number % 60 == 0:
-                sender.announce(Announcement("p", SKELETON.joints))
-            sender.send(sender.encode(Cue(0.0, Frame("p", time.monotonic(), positions[number % len(positions)]), 0)))
-
-
 def taught_before_kill(path: Path, kill: int, draw: np.random.Generator) -> dict[str, float]:
     """Teach some classes, kill the program about a second later; give how old each example was then, seconds."""
     taught, ended = dict[str, float](), threading.Event()
     with ExitStack() as opened:
         program = opened.enter_context(started(("--teach", str(path), "--control", "tcp://127.0.0.1:*")))
         place, control = program.place(), program.expect(r"ZeroMQ (tcp://\S+) \(control\)")[1]
-        performer = threading.Thread(target=perform, args=(place, ended))
+        performer = threading.Thread(target=stream, args=(place, "p", ended, bench.positions()[::2], 60.0))
         performer.start()
         opened.callback(performer.join)
         opened.callback(ended.set)

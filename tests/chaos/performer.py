@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -93,6 +94,26 @@ def cues_of(positions: NDArray[np.float32], begin: float = 1.0) -> list[Cue]:
     """Cue positions, shape (frames, 31, 3), metres, 120 a second; the first frame has this time."""
     frames = (Frame(INNOCENT, begin + k / FRAME_RATE, each) for k, each in enumerate(positions))
     return [Cue(k / FRAME_RATE, frame, k) for k, frame in enumerate(frames)]
+
+
+def stream(  # noqa: PLR0913, PLR0917 - who performs what, where, how fast and how long
+    place: Place,
+    name: str,
+    ended: threading.Event,
+    positions: NDArray[np.float32],
+    rate: float,
+    seconds: float = math.inf,
+) -> None:
+    """Send positions again and again by OSC, joints once a second, for some seconds or until the end."""
+    begun = time.monotonic()
+    with closing(OscFrameSender(*place.osc)) as sender:
+        for number in count():
+            if number % round(rate) == 0:
+                sender.announce(Announcement(name, SKELETON.joints))
+            now = time.monotonic()
+            sender.send(sender.encode(Cue(0.0, Frame(name, now, positions[number % len(positions)]), 0)))
+            if now > begun + seconds or ended.wait(1 / rate):
+                return
 
 
 class Performer:

@@ -12,21 +12,21 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import zmq
+from chaos.performer import stream
 from chaos.trial import ended_with, page_of, started
 from chaos.trials import slow
 from numpy.typing import NDArray
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame
 from kinespace.stream.teaching.teacher import REMEMBERED
-from kinespace.tools.feeding.feed import Cue, OscFrameSender
 from kinespace.tools.feeding.service import Place, Program
 from kinespace.tools.programs import bench
 from kinespace.tools.programs.bench import machine
@@ -90,16 +90,13 @@ class Stage:
         time.sleep(QUIET)
 
     def _perform(self, number: int) -> None:
-        name, place = f"p{number}", number * len(self._positions) // PERFORMERS
         self._ended.wait(number * (THERE + AWAY) / PERFORMERS)
-        while not self._ended.is_set():
+        for times in count(number):
+            if self._ended.is_set():
+                return
             self.came += 1
-            with closing(OscFrameSender(*self._place.osc)) as sender:
-                sender.announce(Announcement(name, SKELETON.joints))
-                begun = time.monotonic()
-                while (now := time.monotonic()) < begun + THERE and not self._ended.wait(1 / FRAME_RATE):
-                    place = (place + 1) % len(self._positions)
-                    sender.send(sender.encode(Cue(0.0, Frame(name, now, self._positions[place]), 0)))
+            positions = np.roll(self._positions, -times * len(self._positions) // PERFORMERS, axis=0)
+            stream(self._place, f"p{number}", self._ended, positions, FRAME_RATE, THERE)
             self._ended.wait(AWAY)
 
     def _teach(self) -> None:
@@ -171,12 +168,11 @@ def main() -> int:
             _say({"nobody": "there", **found[-1]})
         ended, printed = ended_with(program), program.printed
     before, after = found
+    most = MAX_GROWTH, 0, POOL
     grown = [
         name
         for name, now in after.items()
-        if now.memory > before[name].memory + MAX_GROWTH
-        or now.descriptors > before[name].descriptors
-        or now.threads > before[name].threads + POOL
+        if any(held > was + more for held, was, more in zip(now, before[name], most, strict=True))
     ]
     _say({"came": stage.came, "taught": stage.taught, "pages": stage.opened, "grown": grown, "ended": ended})
     _say({"on": machine(), "counts": printed.strip().splitlines()[-1]})

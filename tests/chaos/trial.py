@@ -78,7 +78,7 @@ class Trial(NamedTuple):
     deed: Callable[[Program, Path, float], str] | None = None
     prepared: Callable[[Path], object] | None = None
     killed: bool = False
-    options: Sequence[str] = ()
+    options: str = ""
     lasts: float = 1.0
 
 
@@ -161,7 +161,7 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
     context = multiprocessing.get_context("spawn")
     with ExitStack() as opened:
         folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
-        options = [[option.format(folder=folder, number=number) for option in trial.options] for number in (0, 1)]
+        options = [trial.options.format(folder=folder, number=number).split() for number in (0, 1)]
         if trial.prepared:
             trial.prepared(folder)
         program = opened.enter_context(started(options[0]))

@@ -3,11 +3,12 @@
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from chaos import attacks
@@ -124,56 +125,54 @@ def _large_library(folder: Path) -> None:
     replace(builtin, motions=tuple(motions)).save(folder / "large.npz", compressed=False)
 
 
+def _flooded(name: str, packets: Callable[[], Iterator[bytes]], rate: float, **more: Any) -> Trial:  # noqa: ANN401 - of a trial
+    return Trial(name, partial(flood, packets, rate), **more)
+
+
+def _published(name: str, messages: Callable[[], Iterator[list[bytes]]], rate: float) -> Trial:
+    return Trial(f"ZeroMQ: {name}", partial(publish, messages, rate), "zmq")
+
+
+_MANY = "1,500 performers of one port, 12 frames a second"
 TRIALS: tuple[Trial, ...] = (
     Trial("nothing"),
     Trial("nothing, by ZeroMQ", over="zmq"),
-    Trial("20,000 packets of garbage a second", partial(flood, attacks.garbage, 20_000)),
-    Trial("10,000 new names a second", partial(flood, attacks.new_names, 10_000)),
-    Trial("30 Mbit/s, 4,000 messages a datagram", partial(flood, attacks.many_messages, 0)),
-    Trial("30 Mbit/s, 110 right frames a datagram", partial(flood, attacks.packed_frames, 0)),
-    Trial(f"30 Mbit/s, {osc.messages.MAX_FRAMES} right frames a datagram", partial(flood, attacks.full_datagrams, 0)),
-    Trial("20,000 right frames a second, one performer", partial(flood, attacks.right_frames, 20_000)),
-    Trial("the performer's name from another port", partial(flood, attacks.impostor, 3 * 120)),
-    Trial(
-        "joints announced from another port before the performer comes",
-        partial(flood, attacks.foreign_joints, 10),
-        first=True,
-    ),
-    Trial(
-        "32 invented performers before the performer comes", partial(flood, attacks.many_performers, 32 * 8), first=True
-    ),
-    Trial("ZeroMQ: 20,000 messages of garbage a second", partial(publish, attacks.zmq_garbage, 20_000), "zmq"),
-    Trial("ZeroMQ: 30 Mbit/s of empty lists in msgpack", partial(publish, attacks.zmq_lists, 0), "zmq"),
-    Trial("ZeroMQ: 30 Mbit/s of deep and long headers", partial(publish, attacks.zmq_headers, 116), "zmq"),
-    Trial("ZeroMQ: 20,000 parts a second", partial(publish, attacks.zmq_parts, 20), "zmq"),
-    Trial("ZeroMQ: the performer's name from another connection", partial(publish, attacks.zmq_impostor, 240), "zmq"),
+    _flooded("20,000 packets of garbage a second", attacks.garbage, 20_000),
+    _flooded("10,000 new names a second", attacks.new_names, 10_000),
+    _flooded("30 Mbit/s, 4,000 messages a datagram", attacks.many_messages, 0),
+    _flooded("30 Mbit/s, 110 right frames a datagram", attacks.packed_frames, 0),
+    _flooded(f"30 Mbit/s, {osc.messages.MAX_FRAMES} right frames a datagram", attacks.full_datagrams, 0),
+    _flooded("20,000 right frames a second, one performer", attacks.right_frames, 20_000),
+    _flooded("the performer's name from another port", attacks.impostor, 3 * 120),
+    _flooded("joints announced from another port before the performer comes", attacks.foreign_joints, 10, first=True),
+    _flooded("32 invented performers before the performer comes", attacks.many_performers, 32 * 8, first=True),
+    _published("20,000 messages of garbage a second", attacks.zmq_garbage, 20_000),
+    _published("30 Mbit/s of empty lists in msgpack", attacks.zmq_lists, 0),
+    _published("30 Mbit/s of deep and long headers", attacks.zmq_headers, 116),
+    _published("20,000 parts a second", attacks.zmq_parts, 20),
+    _published("the performer's name from another connection", attacks.zmq_impostor, 240),
     Trial("ZeroMQ: 20 subscriptions of 1 MB", attacks.large_subscriptions, "zmq"),
     Trial("ZeroMQ: 1,300 silent connections before the performer's", attacks.silent_connections, "zmq", first=True),
     Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
     Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
-    Trial("15 % of a core, 20 more performers at 60 Hz", partial(flood, attacks.crowd, 20 * 60), deed=slow, lasts=2.0),
+    _flooded("15 % of a core, 20 more performers at 60 Hz", attacks.crowd, 20 * 60, deed=slow, lasts=2.0),
     Trial("31 strangers, a port each, 500 right frames a second", attacks.many_ports),
-    Trial(
+    _flooded(
         "1,500 performers of one port, 12 frames a second",
-        partial(flood, attacks.valid_performers, 1500 * 12),
-        options=("--performers", "3000"),
+        attacks.valid_performers,
+        1500 * 12,
+        options="--performers 3000",
     ),
-    Trial(
-        "20 datagrams a second of 255 or 8 commands",
-        partial(flood, attacks.commands, 20),
-        options=("--teach", "{folder}/mine.npz"),
-    ),
-    Trial("a library four times as large", prepared=_large_library, options=("--library", "{folder}/large.npz")),
-    Trial("answers to a closed port", options=("--osc-out", "127.0.0.1:9")),
-    Trial("disk full while recording", deed=_full_disk, options=("--record", "{folder}/a.kinerec")),
-    Trial("killed while recording, begun again", killed=True, options=("--record", "{folder}/a{number}.kinerec")),
+    _flooded("20 datagrams a second of 255 or 8 commands", attacks.commands, 20, options="--teach {folder}/mine.npz"),
+    Trial("a library four times as large", prepared=_large_library, options="--library {folder}/large.npz"),
+    Trial("answers to a closed port", options="--osc-out 127.0.0.1:9"),
+    Trial("disk full while recording", deed=_full_disk, options="--record {folder}/a.kinerec"),
+    Trial("killed while recording, begun again", killed=True, options="--record {folder}/a{number}.kinerec"),
     Trial("a recorder beside it killed (kill -9)", deed=_kill_a_recorder),
-    Trial(
-        "two wrists exchanged", fault=_posed(lambda positions, _: _with(positions, _WRISTS, positions[_WRISTS[::-1]]))
-    ),
-    Trial("a wrist frozen", fault=_posed(lambda positions, first: _with(positions, _WRISTS[:1], first[_WRISTS[:1]]))),
+    Trial("two wrists exchanged", fault=_posed(lambda here, _: _with(here, _WRISTS, here[_WRISTS[::-1]]))),
+    Trial("a wrist frozen", fault=_posed(lambda here, first: _with(here, _WRISTS[:1], first[_WRISTS[:1]]))),
     Trial("the whole body elsewhere at each frame", fault=_elsewhere),
-    Trial("the page's process killed (kill -9)", deed=_kill_the_page, options=("--page", "127.0.0.1:0")),
+    Trial("the page's process killed (kill -9)", deed=_kill_the_page, options="--page 127.0.0.1:0"),
     Trial("unit changed to millimetres", fault=_posed(lambda positions, _: positions * 1000)),
 )

@@ -17,18 +17,10 @@ from kinespace.library.naming import hdm05
 JOINTS = ("root", "chest", "head", "left", "right")
 
 
-@pytest.mark.parametrize(
-    ("sent", "message"),
-    [
-        pytest.param(("root",), r"expected all 5 .*got 1 without chest, head, left, right$", id="four missing"),
-        pytest.param(("Root", *JOINTS[1:]), r"without root$", id="another case is another joint"),
-        pytest.param((), r"got 0 without root, chest, head, left, right$", id="nothing sent"),
-    ],
-)
-def test_missing_joints_are_named(sent: tuple[str, ...], message: str) -> None:
-    """A joint that is not in the list is refused by name."""
-    with pytest.raises(SkeletonMismatchError, match=message):
-        Skeleton(JOINTS).order_from(sent)
+def test_missing_joints_are_named() -> None:
+    """A joint that is not in the list is refused by name; another case is another joint."""
+    with pytest.raises(SkeletonMismatchError, match=r"expected all 5 .*got 3 without chest, head, right$"):
+        Skeleton(JOINTS).order_from(("root", "Chest", "left"))
 
 
 def test_a_missing_joint_is_where_the_nearest_is() -> None:

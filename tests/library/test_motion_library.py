@@ -248,11 +248,8 @@ def _packed(header: object, arrays: dict[str, NDArray[Any]]) -> bytes:
 def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: MotionLibrary) -> None:
     """Numpy alone opens the file with pickle forbidden, and two sums along time give the motions' millimetres."""
     header, arrays = _unpacked(content)
-    assert {name: array.dtype.str for name, array in arrays.items()} == {
-        "positions": "<i2",
-        "starts": "<i4",
-        "learned_weights": "<f4",
-    }
+    kinds = {name: array.dtype.str for name, array in arrays.items()}
+    assert kinds == {"positions": "<i2", "starts": "<i4", "learned_weights": "<f4"}
     assert (header["format"], header["version"]) == ("kinespace motion library", 3)
     assert header["joints"] == list(STICK.joints)
     frames = header["motions"]["frames"]

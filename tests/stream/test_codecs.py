@@ -123,7 +123,6 @@ def test_a_sent_frame_is_read_back(
     """Performer, time, number, joint names and positions come back."""
     *announced, read = through(frame, seq, joints)
     assert announced == ([Announcement(frame.performer, tuple(joints))] if joints else [])
-    assert isinstance(read, Frame)
     assert (read.performer, read.time) == (frame.performer, frame.time)
     assert np.array_equal(read.positions, frame.positions)
 
@@ -298,11 +297,7 @@ _FLOATS = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
     [
         (OscDecoder(), b"hello", "last malformed: neither a message nor a bundle, from 10.0.0.5:4000: 'hello'"),
         (OscDecoder(), _NOWHERE, "last malformed: /motion/frame of ann: positions: .* joint 2 of 3 at 0, 0, inf, from"),
-        (
-            ZmqDecoder(),
-            [b"frame/ann/", _FLOATS, bytes(24)],
-            "last malformed: dtype: expected <f4 or <f8, got 'float64', ",
-        ),
+        (ZmqDecoder(), [b"frame/ann/", _FLOATS, bytes(24)], "last malformed: dtype: expected <f4 or <f8, got 'float"),
         (ZmqDecoder(), [b"hello/", b""], "last foreign: neither a frame nor one part in msgpack or OSC, from"),
         (FeedDecoder(builtin_preset("osceleton")), osc.encode_message("/joint", "head"), "last malformed: /joint: exp"),
     ],
@@ -380,7 +375,5 @@ def test_a_changed_frame_is_read_alike_both_ways(places: list[tuple[int, int]]) 
     alone, bundled = osc.decode(bytes(packet), 1.0), osc.decode(bundle(bytes(packet)), 1.0)
     assert (alone.malformed, alone.foreign) == (bundled.malformed, bundled.foreign)
     for one, other in zip(alone.events, bundled.events, strict=True):
-        assert isinstance(one, Frame)
-        assert isinstance(other, Frame)
         assert (one.performer, one.time) == (other.performer, other.time)
         assert np.array_equal(one.positions, other.positions, equal_nan=True)

@@ -61,10 +61,14 @@ def named(preset: str, places: Places) -> dict[str, NDArray[np.floating]]:
     return {name: places[target] for name, target in joint_map.items() if target}
 
 
+def _as_it_is(x: float, y: float, z: float) -> tuple[float, ...]:
+    return x, y, z
+
+
 def joint_by_joint(
     preset: str,
     address: str,
-    place: Callable[[float, float, float], tuple[float, ...]] = lambda x, y, z: (x, y, z),
+    place: Callable[[float, float, float], tuple[float, ...]] = _as_it_is,
     tags: str = "",
     *rest: object,
 ) -> Layout:
@@ -334,66 +338,45 @@ def by_table(moment: Moment) -> Iterator[tuple[str, NDArray[np.floating]]]:
         yield first[target], moment.places[target]
 
 
-#: Every layout, with the preset that reads it.
-LAYOUTS: dict[str, tuple[str, Layout]] = {
-    "native": ("native", native),
-    "osceleton": ("osceleton", osceleton),
-    "osceleton -q": ("osceleton", joint_by_joint("osceleton", "/joint/{}/1", _osceletons)),
-    "osceleton2": ("osceleton2", osceleton2),
-    "kinectv2": (
-        "kinectv2",
-        joint_by_joint("kinectv2", "/bodies/72057594037928017/joints/{}", lambda *place: place, "s", "Tracked"),
-    ),
+def _sparck(bone: int, place: NDArray[np.floating], moment: Moment) -> list[bytes]:
+    return [message("/skel", "iif" + "f" * 7, 1, bone, moment.time, *place, *_NO_TURN)]
+
+
+_MADE: dict[str, Layout] = {
+    **{each.__name__: each for each in (native, osceleton, osceleton2, vmc, vrchat, qtm, natnet2osc, mediapipe)},
+    **{each.__name__: each for each in (wekinator, rokoko, xsens, zigsim)},
+    "osceleton -q": joint_by_joint("osceleton", "/joint/{}/1", _osceletons),
+    "kinectv2": joint_by_joint("kinectv2", "/bodies/72057594037928017/joints/{}", _as_it_is, "s", "Tracked"),
     # Older versions.
-    "kinectv2 bare": ("kinectv2", joint_by_joint("kinectv2", "/bodies/1/joints/{}")),
+    "kinectv2 bare": joint_by_joint("kinectv2", "/bodies/1/joints/{}"),
     # Basic + orientation.
-    "nimate": ("nimate", joint_by_joint("nimate", "/skeleton_{}", lambda *place: place, "ffff", *_NO_TURN)),
-    "nimate-omni": ("nimate-omni", nimate_omni),
-    "synapse": ("synapse", joint_by_joint("synapse", "/{}_pos_world", _millimetres)),
-    "vmc": ("vmc", vmc),
-    "vmc xr animator": ("vmc", vmc_xr_animator),
-    "vmc loose": ("vmc", vmc_loose),
-    "vrchat": ("vrchat", vrchat),
-    "qtm": ("qtm", qtm),
-    "natnet2osc": ("natnet2osc", natnet2osc),
-    "natnet2osc flat": ("natnet2osc", _flat("")),
+    "nimate": joint_by_joint("nimate", "/skeleton_{}", _as_it_is, "ffff", *_NO_TURN),
+    "nimate-omni": nimate_omni,
+    "synapse": joint_by_joint("synapse", "/{}_pos_world", _millimetres),
+    "vmc xr animator": vmc_xr_animator,
+    "vmc loose": vmc_loose,
+    "natnet2osc flat": _flat(""),
     # With parents and offsets.
-    "natnet2osc offsets": ("natnet2osc", _flat("ifff", 1, 0.0, 0.1, 0.0)),
-    "natnetthree2osc max": ("natnetthree2osc", natnetthree2osc),
-    "natnetthree2osc isadora": (
-        "natnetthree2osc",
-        bundled(_motive(lambda bone, place, _: [message(f"/skeleton/1/bone/{bone}/position", "fff", *place)])),
+    "natnet2osc offsets": _flat("ifff", 1, 0.0, 0.1, 0.0),
+    "natnetthree2osc max": natnetthree2osc,
+    "natnetthree2osc isadora": bundled(
+        _motive(lambda bone, place, _: [message(f"/skeleton/1/bone/{bone}/position", "fff", *place)])
     ),
-    "natnetthree2osc touch": (
-        "natnetthree2osc",
-        _motive(
-            lambda bone, place, _: [message(f"/skeleton/1/bone/{bone}/transformation", "f" * 7, *place, *_NO_TURN)]
-        ),
+    "natnetthree2osc touch": _motive(
+        lambda bone, place, _: [message(f"/skeleton/1/bone/{bone}/transformation", "f" * 7, *place, *_NO_TURN)]
     ),
-    "natnetthree2osc sparck": (
-        "natnetthree2osc",
-        _motive(
-            lambda bone, place, moment: [message("/skel", "iif" + "f" * 7, 1, bone, moment.time, *place, *_NO_TURN)],
-            *("/f/s", "/f/e"),
-        ),
-    ),
-    "mediapipe": ("mediapipe", mediapipe),
-    "mediapipe pose2art": ("mediapipe", mediapipe_loose),
-    "joints": ("joints", lambda moment: [message(f"/{name}", "fff", *place) for name, place in by_table(moment)]),
-    "joints of two": (
-        "joints",
-        lambda moment: [message(f"/ann/{name}", "fff", *place) for name, place in by_table(moment)],
-    ),
-    "captury": ("captury", joint_by_joint("captury", "/John-Doe/blender/{}/vector", _millimetres)),
-    "wekinator": ("wekinator", wekinator),
-    "rokoko": ("rokoko", rokoko),
-    "xsens": ("xsens", xsens),
-    "zigsim": ("zigsim", zigsim),
-    "zigsim osc": ("zigsim", bundled(joint_by_joint("zigsim", "/B8-27/{}"))),
+    "natnetthree2osc sparck": _motive(_sparck, "/f/s", "/f/e"),
+    "mediapipe pose2art": mediapipe_loose,
+    "joints": lambda moment: [message(f"/{name}", "fff", *place) for name, place in by_table(moment)],
+    "joints of two": lambda moment: [message(f"/ann/{name}", "fff", *place) for name, place in by_table(moment)],
+    "captury": joint_by_joint("captury", "/John-Doe/blender/{}/vector", _millimetres),
+    "zigsim osc": bundled(joint_by_joint("zigsim", "/B8-27/{}")),
     # Stamped with a real time.
-    "touchdesigner": ("touchdesigner", lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))]),
-    "touchdesigner loose": ("touchdesigner", touchdesigner),
+    "touchdesigner": lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))],
+    "touchdesigner loose": touchdesigner,
 }
+#: Every layout, with the preset that reads it: its first word.
+LAYOUTS = {name: (name.split()[0], layout) for name, layout in _MADE.items()}
 
 
 def moments(

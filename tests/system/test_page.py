@@ -100,17 +100,11 @@ def opened(address: str, complaints: list[str], *further: str) -> Iterator[Page]
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where there is a Chromium
 
     # The last three: the browser is to ask for nothing by itself.
-    options = [
-        "--no-sandbox",
-        "--disable-quic",
-        "--disable-background-networking",
-        "--disable-component-update",
-        *further,
-    ]
+    options = ["--no-sandbox", "--disable-quic", "--disable-background-networking", "--disable-component-update"]
     with sync_playwright() as playwright:
         # No test asks a network.
         alone = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost"
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=[alone, *options])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=[alone, *options, *further])
         # Without bypass_csp Playwright's own questions die on the page's policy, which forbids to make code of text.
         context = browser.new_context(
             bypass_csp=True, viewport={"width": 1180, "height": 770}, color_scheme="dark", reduced_motion="reduce"

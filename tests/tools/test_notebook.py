@@ -23,9 +23,8 @@ def test_the_notebook_goes_from_files_to_figures(
     drawn = list[int]()
     monkeypatch.setattr(plt, "show", lambda: (drawn.append(len(plt.gcf().axes)), plt.close()))
     plt.switch_backend("agg")
-    cells = json.loads((ROOT / "tools" / "examples" / "from_files_to_figures.ipynb").read_text(encoding="utf-8"))[
-        "cells"
-    ]
+    notebook = (ROOT / "tools" / "examples" / "from_files_to_figures.ipynb").read_text(encoding="utf-8")
+    cells = json.loads(notebook)["cells"]
     write_clips(tmp_path)
     first = "".join(next(cell for cell in cells if cell["cell_type"] == "code")["source"])
     exec(first.replace('folder = ""', f"folder = {str(tmp_path)!r}"), {})  # noqa: S102 - our own cell

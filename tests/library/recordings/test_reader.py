@@ -8,14 +8,7 @@ import pytest
 from synthetic import ARM, amc_text, arm_frames
 
 from kinespace.library import LibraryFileError, MotionLibrary
-from kinespace.library.recordings import (
-    RecordingError,
-    RecordingReader,
-    clips_of,
-    find_recordings,
-    read_recordings,
-)
-from kinespace.library.recordings.formats import acclaim
+from kinespace.library.recordings import RecordingError, RecordingReader, clips_of, find_recordings, read_recordings
 from kinespace.tools.cli.main import main
 
 
@@ -37,17 +30,12 @@ def _write_arm(folder: Path, *names: str, frames: int = 3) -> list[Path]:
 
 
 def test_recordings_are_found_at_any_depth(tmp_path: Path) -> None:
-    """Every .amc, in upper or lower case and at any depth, is found, in sorted order; others are not."""
+    """Every .amc, in any case and at any depth, sorted, but places as they are given; a file given has any ending."""
     wanted = ["a.amc", "b/one.AMC", "b/two.Amc", "b/c/d/deep.amc", "walks.amc/one.amc"]
     _touch(tmp_path, *wanted, "a.asf", "b/readme.txt", "b/c/one.amc.bak", "amc", "b/.amc")
     assert find_recordings([tmp_path]) == sorted(tmp_path / name for name in wanted)
-
-
-def test_places_are_listed_in_the_given_order(tmp_path: Path) -> None:
-    """Folders and single files keep their given order; a file given by name may have any ending."""
-    _touch(tmp_path, "z/1.amc", "z/2.amc", "a/3.amc", "m.mocap")
-    found = find_recordings([tmp_path / "z", tmp_path / "m.mocap", tmp_path / "a"])
-    assert [path.name for path in found] == ["1.amc", "2.amc", "m.mocap", "3.amc"]
+    given = [tmp_path / name for name in ("walks.amc", "b/readme.txt", "b/c")]
+    assert find_recordings(given) == [given[0] / "one.amc", given[1], given[2] / "d/deep.amc"]
 
 
 @pytest.mark.parametrize("ending", ["bvh", "c3d", "csv", "mvnx"])
@@ -71,21 +59,6 @@ def test_another_file_is_called_by_its_kind(tmp_path: Path, ending: str, content
 
 
 # --- reading -----------------------------------------------------------------------------------------------------
-
-
-def test_each_skeleton_is_read_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A skeleton's file is read once for all its motions, and each folder's motions get their own skeleton."""
-    paths = [*_write_arm(tmp_path / "one", "arm_1.amc", "arm_2.amc"), *_write_arm(tmp_path / "two", "arm_3.amc")]
-    read: list[Path] = []
-
-    def noting(path: Path) -> acclaim.AcclaimSkeleton:
-        read.append(path)
-        return read_asf(path)
-
-    read_asf = acclaim.read_asf
-    monkeypatch.setattr(acclaim, "read_asf", noting)
-    assert len(list(read_recordings([*paths, *paths]))) == 6
-    assert read == [tmp_path / "one" / "arm.asf", tmp_path / "two" / "arm.asf"]
 
 
 def test_clips_before_a_bad_file_are_not_lost(tmp_path: Path) -> None:

@@ -8,26 +8,10 @@ from naive_windows import unlikely
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.signature.parts import (
-    EIGEN_LONG,
-    EIGEN_SHORT,
-    PARTS,
-    POSTURE,
-    SPREAD_LONG,
-    Kind,
-    Signature,
-)
+from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, Signature
 from kinespace.library.windows import comparison
 from kinespace.library.windows.comparer import Head
-from kinespace.library.windows.comparison import (
-    ACROSS_LABORATORIES,
-    WITHIN_LABORATORY,
-    Lessons,
-    Weighing,
-    by_paper,
-    learned_metric,
-    squared_distances,
-)
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES, Lessons, Weighing, learned_metric
 from kinespace.library.windows.cutting import Measured, window_ends
 
 #: One view of two groups, and one that sees postures alone.
@@ -45,7 +29,7 @@ def test_weights_that_do_not_add_up_are_refused(views: tuple[tuple[float, ...], 
         replace(SMALL, views=views)
 
 
-@pytest.mark.parametrize("weighing", [ACROSS_LABORATORIES, WITHIN_LABORATORY], ids=["across", "within"])
+@pytest.mark.parametrize("weighing", [ACROSS_LABORATORIES, comparison.WITHIN_LABORATORY], ids=["across", "within"])
 @pytest.mark.parametrize("kind", Kind)
 def test_without_a_kind(weighing: Weighing, kind: Kind) -> None:
     """No part of the kind is left, all others are, each once, and the weights of each view add up to 1."""
@@ -65,7 +49,7 @@ def test_below_the_views_each_group_is_compared_alone() -> None:
 
 def test_the_papers_weighing_names_by_products() -> None:
     """Negative |inner products| become log(1 − product²), and rounding above 1 makes no NaN."""
-    paper = by_paper(0.7)
+    paper = comparison.by_paper(0.7)
     assert paper.groups == (((Kind.EIGEN, 0.7),),)
     assert (paper.judges, paper.by_products, paper.eigenvectors) == (False, True, 1)
     named = paper.named(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]))
@@ -100,9 +84,8 @@ def test_the_nearest_are_looked_for_in_parts(monkeypatch: pytest.MonkeyPatch) ->
     at_once = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
     monkeypatch.setattr(comparison, "_AT_ONCE", 7)
     parts = learned_metric(numbers, lessons, shrinkage=0.2, kept=6).place(numbers)
-    np.testing.assert_allclose(
-        squared_distances(parts, parts), squared_distances(at_once, at_once), rtol=1e-3, atol=1e-2
-    )
+    squared = [comparison.squared_distances(each, each) for each in (parts, at_once)]
+    np.testing.assert_allclose(*squared, rtol=1e-3, atol=1e-2)
 
 
 @pytest.mark.parametrize("few", [False, True])
@@ -124,10 +107,8 @@ def test_one_person_teaches_nothing_but_principal_axes(*, few: bool) -> None:
 
 def test_windows_that_are_all_the_same_teach_something_finite() -> None:
     """No division by a length of 0 takes place, and persons whose recordings are the same teach nothing."""
-    for numbers in (
-        np.ones((8, 12)),
-        np.tile(np.random.default_rng(1).normal(size=(1, 4, 12)), (2, 1, 1)).reshape(8, 12),
-    ):
+    same = np.tile(np.random.default_rng(1).normal(size=(1, 4, 12)), (2, 1, 1)).reshape(8, 12)
+    for numbers in (np.ones((8, 12)), same):
         lessons = Lessons(np.tile(np.arange(4), 2), np.repeat([0, 1], 4))
         assert np.isfinite(learned_metric(numbers, lessons, shrinkage=0.2, kept=3).axes).all()
 
@@ -168,7 +149,6 @@ def test_of_some_classes() -> None:
     draw, names = np.random.default_rng(4), [*"abc" * 9]
     head = Head.learned(draw.normal(size=(27, 5)).astype(np.float32), names)
     some = head.of_classes(("c", "a"))
-    assert some is not None
     added = some.added([draw.normal(size=5)])
     assert np.exp(-added / 0.06).sum() == pytest.approx(1)
     assert np.array_equal(some.factors, head.factors[:, [2, 0]])
@@ -197,7 +177,6 @@ def test_motions_stand_behind_others_of_the_same_person(people: MotionLibrary) -
 def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
     """Only where a library's own people teach all parts together, and while all classes are theirs."""
     index = WindowIndex.of(people)
-    assert index.head
     assert index.head.classes == people.classes
     assert WindowIndex.of(people, weighing=ACROSS_LABORATORIES).head is None
     assert WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb")))).head is None
@@ -206,11 +185,8 @@ def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
     fresh = replace(people.motions[0], class_name="fresh")
     more, another = index.with_motions([people.motions[0]]), index.with_motions([fresh])
     for compared, helps in ((index, True), (more, True), (another, False)):
-        generator, directions, weighing = (
-            np.random.default_rng(5),
-            compared.basis.directions,
-            compared.comparison.weighing,
-        )
+        directions, weighing = compared.basis.directions, compared.comparison.weighing
+        generator = np.random.default_rng(5)
         numbers = {
             part: generator.normal(size=(4, directions.shape[1]) if part.kind is Kind.EIGEN else len(directions))
             for part in weighing.parts

@@ -11,19 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton
 from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_path
-from kinespace.library.windows.courses import (
-    POINTS,
-    Courses,
-    Pieces,
-    at_equal_way,
-    everyday,
-    has_course,
-    path_of,
-    share_at,
-    ways_of,
-    windows_of,
-    without_course,
-)
+from kinespace.library.windows import courses as motions
+from kinespace.library.windows.courses import POINTS, Courses, Pieces, at_equal_way, path_of, ways_of
 from kinespace.library.windows.segments import mirrored
 
 SQUAT, JOG, GRAB = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
@@ -46,7 +35,6 @@ def test_points_are_those_of_the_definition(builtin: MotionLibrary) -> None:
         for joints in (None, ("root", "lclavicle", "rclavicle", "lhipjoint", "rhipjoint", "lhand", "rhand")):
             some = clip.restricted_to(joints) if joints else clip
             corners = corners_of(some.skeleton)
-            assert corners is not None
             body = some.positions[::4]
             expected = naive.own_points_of(body.astype(np.float64), tuple(corners))  # type: ignore[arg-type]
             np.testing.assert_allclose(own_path(body, some.skeleton)[0], expected, atol=1e-9)
@@ -90,10 +78,10 @@ def test_the_other_side_is_another_motion(builtin: MotionLibrary) -> None:
 def test_a_body_without_shoulders_is_followed_by_its_distances(sticks: MotionLibrary) -> None:
     """Joints with names of their own have courses, too; everyday movement says nothing of them."""
     assert corners_of(sticks.skeleton) is None
-    assert everyday(sticks.skeleton) is None
+    assert motions.everyday(sticks.skeleton) is None
     courses = Courses.of(sticks.motions)
     assert courses.whole.ways.shape[1] == len(sticks.skeleton.pairs)
-    assert set(courses.classes) == {each.class_name for each in sticks.motions if has_course(each)}
+    assert set(courses.classes) == {each.class_name for each in sticks.motions if motions.has_course(each)}
 
 
 def test_a_motion_that_repeats_itself_is_cut_into_rounds(builtin: MotionLibrary) -> None:
@@ -114,7 +102,7 @@ def test_limits_come_from_movement_that_must_not_be_said(builtin: MotionLibrary)
     nothing = replace(clips_of(builtin, SQUAT, actor="tr")[1], class_name=NOTHING)
     lower = Courses.of([jog, squat, nothing])
     assert lower.classes == (JOG, SQUAT)
-    windows = Pieces.of(windows_of(path_of(nothing), lower.counts))
+    windows = Pieces.of(motions.windows_of(path_of(nothing), lower.counts))
     for limit, pieces in zip(lower.limits, (lower.whole, lower.begun), strict=True):
         costs = pieces.costs(windows)[-1][pieces.as_far(windows, 2.5)[-1]]
         assert limit[-1] <= 0.85 * costs.min() + 1e-6
@@ -132,10 +120,8 @@ def test_directions_in_which_people_differ_count_less(builtin: MotionLibrary) ->
     clips = clips_of(builtin, SQUAT, GRAB)
     several = Courses.of(clips)
     two = Courses.of([replace(each, actor="ab"[each.actor in ("bd", "bk")]) for each in clips])
-    assert several.whitening is not None
-    read = [
-        (each.class_name, each.actor, Courses.of([each]).whole.courses[0].reshape(POINTS - 1, -1)) for each in clips
-    ]
+    own = [Courses.of([each]).whole.courses[0].reshape(POINTS - 1, -1) for each in clips]
+    read = [(each.class_name, each.actor, course) for each, course in zip(clips, own, strict=True)]
     alike = several.whitening.T @ (0.6 * naive.scatter_of(read) + 0.4 * np.eye(93)) @ several.whitening
     np.testing.assert_allclose(alike, np.eye(93), atol=1e-3)
     assert two.whitening is None
@@ -177,7 +163,7 @@ def test_classes_without_a_course(builtin: MotionLibrary) -> None:
     clip = clips_of(builtin, SQUAT)[0]
     held = replace(clip, positions=np.repeat(clip.positions[:1], 200, axis=0), class_name="held")
     short = replace(clip, positions=clip.positions[:20], class_name="short")
-    assert without_course([clip, held, short, replace(short, class_name=NOTHING)]) == ["held", "short"]
+    assert motions.without_course([clip, held, short, replace(short, class_name=NOTHING)]) == ["held", "short"]
     none = Courses.of([held, short])
     assert none.classes == none.counts == ()
     assert math.isnan(none.missed_at(6.0))
@@ -189,10 +175,9 @@ def test_what_is_promised_and_missed(builtin: MotionLibrary) -> None:
     missed = [courses.missed_at(each) for each in (1.0, 6.0, 60.0, 600.0)]
     assert missed == sorted(missed, reverse=True)
     assert missed[0] < 0.2
-    assert [share_at(each) for each in (0.1, 1.0, 6.0, 600.0, 1e4)] == sorted(
-        map(share_at, (0.1, 1.0, 6.0, 600.0, 1e4))
-    )
-    by_hand = np.mean(courses.crossed[np.isfinite(courses.crossed)] > share_at(6.0))
+    shares = [motions.share_at(each) for each in (0.1, 1.0, 6.0, 600.0, 1e4)]
+    assert shares == sorted(shares)
+    by_hand = np.mean(courses.crossed[np.isfinite(courses.crossed)] > motions.share_at(6.0))
     assert courses.missed_at(6.0) == pytest.approx(by_hand)
 
 
@@ -207,7 +192,6 @@ def test_the_same_recordings_under_several_names_say_nothing_of_people(builtin: 
     """Three names of one person's motions weigh all directions alike; the limits are numbers."""
     clips = [clips_of(builtin, name, actor="bk")[0] for name in (SQUAT, GRAB)]
     courses = Courses.of([replace(clip, actor=actor) for clip in clips for actor in "abc"])
-    assert courses.whitening is not None
     np.testing.assert_allclose(courses.whitening @ courses.whitening.T, np.eye(93) / 0.4, atol=1e-5)
     assert np.isfinite(courses.limits).all()
     assert (courses.limits > 0).all()

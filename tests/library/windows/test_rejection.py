@@ -6,18 +6,8 @@ from naive_windows import evidence, logit
 
 from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.library_file import Learned
-from kinespace.library.windows.rejection import (
-    HELD_ONE,
-    MAX_LEAD,
-    RATES,
-    USUAL_OVER,
-    Evidence,
-    Rejection,
-    by_likelihood,
-    learned_rejection,
-    most_of_few,
-    typical_evidence,
-)
+from kinespace.library.windows import rejection as judging
+from kinespace.library.windows.rejection import MAX_LEAD, RATES, Evidence, Rejection
 
 REJECTION = Rejection(
     weights=np.array([-2.0, -1.0, 1.5, 0.25, 0.5]),
@@ -43,12 +33,10 @@ def learning(builtin: MotionLibrary) -> WindowIndex:
 def _shares_known(index: WindowIndex, *, with_class: bool) -> list[float]:
     """Give at three rates the share of windows that are known, their person left out, perhaps with their class."""
     motions = [index.library.motions[each] for each in index.motions]
-    rejection, weighing, logits = learned_rejection(index), index.comparison.weighing, []
+    rejection, weighing, logits = judging.learned_rejection(index), index.comparison.weighing, []
     for window, motion in enumerate(motions):
-        left_out = [
-            other.actor == motion.actor or (not with_class and other.class_name == motion.class_name)
-            for other in motions
-        ]
+        own = (() if with_class else (motion.class_name,), motion.actor)
+        left_out = [other.actor == own[1] or other.class_name in own[0] for other in motions]
         logs = index.asked_by(window, np.array(left_out))
         guess = int(weighing.named(logs).argmin())
         logits.append(rejection.logit(Evidence.of(weighing.alone(logs), guess), index.classes[guess]))
@@ -95,7 +83,7 @@ def test_numbers_for_few_joints_lie_beside_the_others() -> None:
     learned = Learned({**REJECTION.kept().named, **few.kept(few=True).named})
     for kept, expected in ((Rejection.of_kept(learned, 2, few=each), (REJECTION, few)[each]) for each in (False, True)):
         assert (kept.offset, kept.biases, kept.joints) == (expected.offset, expected.biases, expected.joints)
-    assert [most_of_few(each) for each in (learned, REJECTION.kept(), None)] == [12, 0, 0]
+    assert [judging.most_of_few(each) for each in (learned, REJECTION.kept(), None)] == [12, 0, 0]
 
 
 @pytest.mark.parametrize("name", ["weights", "offset", "thresholds", "typical", "joints", "over", "bias walk"])
@@ -108,7 +96,7 @@ def test_numbers_that_do_not_fit_are_refused(name: str, wrong: np.ndarray | None
         assert Rejection.of_kept(Learned(arrays), 2).biases == {"jump": -0.25}
         return
     if wrong is None and name == "over":
-        assert Rejection.of_kept(Learned(arrays), 2).over == pytest.approx(USUAL_OVER)
+        assert Rejection.of_kept(Learned(arrays), 2).over == pytest.approx(judging.USUAL_OVER)
         wrong = np.zeros(1)
     if wrong is not None:
         arrays[name] = wrong
@@ -124,14 +112,6 @@ def test_the_more_may_be_named_the_lower_the_threshold() -> None:
     assert REJECTION.threshold_at(1.0) == REJECTION.threshold_at(RATES[-1])
 
 
-def test_moved_to_other_joints_typical_evidence_is_judged_alike() -> None:
-    """Typical evidence with one set of joints gets the logit of typical evidence with another set."""
-    moved = replace(REJECTION, typical=np.array([1.5, 0.5, 0.25, 0.75]))
-    before = REJECTION.logit(Evidence((0.5, -0.25), (1.0, 0.5)), "walk")
-    assert moved.logit(Evidence((1.5, 0.5), (0.25, 0.75)), "walk") == pytest.approx(before)
-    assert np.array_equal(moved.thresholds, REJECTION.thresholds)
-
-
 @pytest.mark.slow
 def test_a_library_learns_from_its_own_motions(learning: WindowIndex) -> None:
     """Motions of a person left out are mostly known; of motions without their class as many as the rate says."""
@@ -145,8 +125,8 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
     for index in (alone, WindowIndex.of(sticks.without(classes=sticks.classes[1:]))):
         assert index.rejection.by_likelihood
         assert index.comparer.likelihood is not None
-        assert index.rejection.held == HELD_ONE
-    assert np.array_equal(typical_evidence(alone), np.zeros(4))
+        assert index.rejection.held == judging.HELD_ONE
+    assert np.array_equal(judging.typical_evidence(alone), np.zeros(4))
     near, far = (alone.rejection.logit(Evidence((each,), (0.0,)), "") for each in (-3.0, 0.0))
     assert near > alone.rejection.threshold_at(0.05) > far
 
@@ -154,21 +134,20 @@ def test_too_few_motions_to_learn_from(sticks: MotionLibrary) -> None:
 def test_of_many_classes_a_guess_needs_more() -> None:
     """Among n classes by log n, because some is like any movement by chance; the only class leads clearly."""
     evidence = Evidence((-3.0,), (MAX_LEAD,))
-    among = [by_likelihood(count).logit(evidence, "") for count in (2, 8)]
+    among = [judging.by_likelihood(count).logit(evidence, "") for count in (2, 8)]
     assert among[0] - among[1] == pytest.approx(np.log(4))
-    assert by_likelihood(1).logit(Evidence((-3.0,), (0.0,)), "") == pytest.approx(3.0 + MAX_LEAD)
+    assert judging.by_likelihood(1).logit(Evidence((-3.0,), (0.0,)), "") == pytest.approx(3.0 + MAX_LEAD)
 
 
 @pytest.mark.slow
 def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) -> None:
     """With all joints as in the built-in library's file, with fewer moved to what is typical of these."""
     learned = builtin_index.library.learned
-    assert learned is not None
     kept, rejection = Rejection.of_kept(learned, 5), builtin_index.rejection
     assert rejection is builtin_index.rejection
     assert (rejection.offset, rejection.typical.tolist()) == (kept.offset, kept.typical.tolist())
     assert np.array_equal(rejection.weights, kept.weights)
-    some, most = builtin_index.of_some(range(0, 288, 9)), most_of_few(learned)
+    some, most = builtin_index.of_some(range(0, 288, 9)), judging.most_of_few(learned)
     few = Rejection.of_kept(learned, 5, few=True)
     for joints, expected in ((most + 1, kept), (most, few)):
         view = some.by_joints(builtin_index.library.skeleton.joints[-joints:])

@@ -33,20 +33,10 @@ def _opened() -> WindowIndex:
 
 def _numbers(opened: WindowIndex) -> list[np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
     courses, segments = opened.courses, opened.segments
-    return [
-        *opened.vectors,
-        opened.eigenvectors,
-        opened.motions,
-        opened.basis.directions,
-        *(metric.axes for metric in opened.comparison.parts.values()),
-        opened.rejection.typical,
-        opened.rejection.weights,
-        courses.whole.courses,
-        courses.begun.ways,
-        courses.limits,
-        segments.mean,
-        segments.builds,
-    ]
+    numbers = [*opened.vectors, opened.eigenvectors, opened.motions, opened.basis.directions]
+    numbers += [metric.axes for metric in opened.comparison.parts.values()]
+    numbers += [opened.rejection.typical, opened.rejection.weights, segments.mean, segments.builds]
+    return [*numbers, courses.whole.courses, courses.begun.ways, courses.limits]
 
 
 def test_remembered_windows_are_those_that_were_computed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

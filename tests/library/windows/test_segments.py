@@ -7,33 +7,21 @@ import pytest
 from naive_bodies import build_and_stretch, unlike
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
-from kinespace.library.windows.segments import (
-    BEYOND_LIBRARY,
-    DISORDER,
-    FLAT,
-    Segments,
-    is_flat,
-    mirrored,
-    mirrored_places,
-    remarks,
-    shares_of_size,
-)
+from kinespace.library.windows import segments as bodies
+from kinespace.library.windows.segments import DISORDER, FLAT, Segments, mirrored, remarks
 from kinespace.tools.feeding.feed import resampled
 
 
 def test_a_library_of_stretched_bodies_is_in_order(sticks: MotionLibrary) -> None:
     """Segments count as too long only when they are longer than any in the library; without parents none do."""
     body = Segments.of(sticks)
-    largest = max(shares_of_size(each.positions[::4], body.segments).max() for each in sticks.motions)
-    assert body.disorder == pytest.approx(max(DISORDER, BEYOND_LIBRARY * largest))
-    none = Segments.of(
-        type(sticks)(
-            Skeleton(sticks.skeleton.joints), tuple(c.as_of(Skeleton(sticks.skeleton.joints)) for c in sticks.motions)
-        )
-    )
+    largest = max(bodies.shares_of_size(each.positions[::4], body.segments).max() for each in sticks.motions)
+    assert body.disorder == pytest.approx(max(DISORDER, bodies.BEYOND_LIBRARY * largest))
+    bare = Skeleton(sticks.skeleton.joints)
+    none = Segments.of(MotionLibrary(bare, tuple(each.as_of(bare) for each in sticks.motions)))
     assert (len(none.children), none.disorder) == (0, DISORDER)
     assert none.unlike(np.zeros(0), 0.0) == 0.0
-    assert shares_of_size(np.zeros((1, 6, 3)), body.segments).tolist() == [0.0]
+    assert bodies.shares_of_size(np.zeros((1, 6, 3)), body.segments).tolist() == [0.0]
 
 
 def test_a_body_is_compared_as_the_slow_twin_does(small_index: WindowIndex) -> None:
@@ -41,9 +29,7 @@ def test_a_body_is_compared_as_the_slow_twin_does(small_index: WindowIndex) -> N
     body, library = small_index.segments, small_index.library
     parents = library.skeleton.parents
     own = {actor: [m for m in library.motions if m.actor == actor] for actor in library.actors}
-    measured = [
-        [build_and_stretch(each.positions[::4].tolist(), parents) for each in motions] for motions in own.values()
-    ]
+    measured = [[build_and_stretch(each.positions[::4].tolist(), parents) for each in some] for some in own.values()]
     builds = [np.mean([build for build, _ in each], axis=0) for each in measured]
     stretches = [np.mean([stretch for _, stretch in each]) for each in measured]
     assert body.builds == pytest.approx(np.array(builds))
@@ -73,7 +59,7 @@ def test_a_body_is_compared_as_the_slow_twin_does(small_index: WindowIndex) -> N
 )
 def test_names_tell_the_other_side(joints: tuple[str, ...], others: tuple[int, ...] | None) -> None:
     """The joint on the other side has the same name but for the side; markers without sides have none."""
-    found = mirrored_places(joints)
+    found = bodies.mirrored_places(joints)
     assert (found is None) == (others is None)
     assert found is None or tuple(found.tolist()) == others
 
@@ -128,10 +114,10 @@ def test_a_plane_may_stand_anywhere(axis: int) -> None:
     flat = MOTIONS[0].positions.copy()
     flat[..., axis] = 0.5
     turned = flat @ np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0] + 3.0
-    assert is_flat(flat)
-    assert is_flat(turned)
+    assert bodies.is_flat(flat)
+    assert bodies.is_flat(turned)
     turned[0] = MOTIONS[0].positions[0]
-    assert not is_flat(turned)
+    assert not bodies.is_flat(turned)
     # Three joints always lie in a plane.
-    assert not is_flat(flat[:, :3])
+    assert not bodies.is_flat(flat[:, :3])
     assert "2-D" in FLAT

@@ -51,10 +51,8 @@ def test_kept_numbers_are_the_learned_ones(
 @BOTH
 def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: Weighing) -> None:
     """Its windows are as far from each other as in metrics learned here; processors round differently."""
-    kept, learned = (
-        WindowIndex.of(builtin, builtin, weighing),
-        WindowIndex.of(replace(builtin, learned=None), weighing=weighing),
-    )
+    kept = WindowIndex.of(builtin, builtin, weighing)
+    learned = WindowIndex.of(replace(builtin, learned=None), weighing=weighing)
     assert kept_of(builtin, weighing) is not None
     none, ask, again = np.zeros(len(kept), dtype=np.bool_), kept.asked_by, learned.asked_by
     for window in range(0, len(kept), 197):
@@ -65,26 +63,23 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     """A library of other motions, classes, joints or weighing keeps nothing, nor does one with changed motions."""
     across = WEIGHINGS["across"]
     one, *others = keeping.motions
-    changed = (
+    without, some = (
         keeping.without(motions=[one]),
-        keeping.with_motions([one]),
-        keeping.renamed({one.class_name: "other"}),
-        keeping.restricted_to(keeping.skeleton.joints[:5]),
-        keeping.merged_with(keeping.without(motions=[one])),
-        *(
-            replace(keeping, motions=(*some, *others))
-            for some in ((), (replace(one, actor="somebody"),), (one.moved_to(one.positions + 0.001),))
-        ),
+        ((), (replace(one, actor="somebody"),), (one.moved_to(one.positions + 0.001),)),
     )
+    changed = [without, keeping.with_motions([one]), keeping.renamed({one.class_name: "other"})]
+    changed += [keeping.restricted_to(keeping.skeleton.joints[:5]), keeping.merged_with(without)]
+    changed += [replace(keeping, motions=(*each, *others)) for each in some]
     assert all(kept_of(each, across) is None for each in changed)
     assert kept_of(keeping, replace(across, first=1.0)) is None
     assert kept_of(replace(keeping, learned=None), across) is None
     # Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing.
-    assert keeping.learned is not None
     numbers = Learned({**keeping.learned.named, "offset": np.ones(1, dtype=np.float32)})
     derived = replace(keeping, learned=numbers).without(motions=[one])
-    assert derived.learned is not None
     assert list(derived.learned.named) == ["offset"]
+
+
+DIRECTIONS, AXES = (rf"\(15, at most {most}\) numbers, got \(" for most in (32, 128))
 
 
 @pytest.mark.parametrize(
@@ -93,15 +88,9 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
         ("basis weights", None, r"\(15,\) numbers, got none"),
         ("basis weights", np.ones(3), r"\(15,\) numbers, got \(3,\)"),
         ("basis share", np.ones(2), r"\(1,\) numbers, got \(2,\)"),
-        *(
-            ("basis directions", np.ones(shape), r"\(15, at most 32\) numbers, got \(")
-            for shape in ((3, 2), (15, 33), (15, 0), 15, (15, 2, 2))
-        ),
+        *(("basis directions", np.ones(shape), DIRECTIONS) for shape in ((3, 2), (15, 33), (15, 0), 15, (15, 2, 2))),
         ("basis directions", None, r"\(15, at most 32\) numbers, got none"),
-        *(
-            ("across posture 0.25 s axes", np.ones(shape), r"\(15, at most 128\) numbers, got \(")
-            for shape in ((3, 2), (15, 129), (15, 0))
-        ),
+        *(("across posture 0.25 s axes", np.ones(shape), AXES) for shape in ((3, 2), (15, 129), (15, 0))),
         ("across posture 0.25 s origin", np.ones(3), r"\(15,\) numbers, got \(3,\)"),
         ("across posture 0.25 s origin", np.ones((1, 15)), r"\(15,\) numbers, got \(1, 15\)"),
     ],
@@ -110,7 +99,6 @@ def test_arrays_that_do_not_fit_are_refused(
     keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
 ) -> None:
     """An array of another shape raises ValueError with its name, the expectation and the value found."""
-    assert keeping.learned is not None
     arrays = {each: kept for each, kept in keeping.learned.named.items() if each != f"{TAUGHT}{name}"}
     if array is not None:
         arrays[f"{TAUGHT}{name}"] = array.astype(np.float32)

@@ -1,6 +1,8 @@
 """Frames out of joints: the closing rules, split and nested bundles, late and absent joints, several performers."""
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,43 +23,8 @@ JOINTS = ("a", "b", "c", "d")
 
 def preset_text(close: Sequence[str], *, frame: str = "", top: str = "") -> str:
     """Give a small preset of four joints."""
-    closings = ", ".join(f'"{each}"' for each in close)
-    return f"""
-port = 7000
-{top}
-[frame]
-close = [{closings}]
-timeout = 0.1
-hold = 0.25
-{frame}
-[[message]]
-address = "/j"
-arguments = ["joint", "performer", "x", "y", "z"]
-[[message]]
-address = "/c"
-arguments = ["joint", "performer", "x", "y", "z", "confidence"]
-[[message]]
-address = "/t"
-arguments = ["joint", "performer", "x", "y", "z", "skip", "time"]
-[[message]]
-address = "/end"
-means = "end"
-[[message]]
-address = "/begin"
-means = "begin"
-[[message]]
-address = "/time"
-arguments = ["time"]
-[[message]]
-address = "/gone"
-arguments = ["performer", "present"]
-[joints]
-a = "root"
-b = "head"
-c = "lhand"
-d = "rhand"
-e = ""
-"""
+    text, closings = Path(__file__).with_name("small.toml").read_text(encoding="utf-8"), json.dumps([*close])
+    return text.replace("close = []", f"close = {closings}").replace("# frame", frame).replace("# top", top)
 
 
 def assembler(*close: str, frame: str = "", top: str = "") -> FrameAssembler:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import zmq
 from numpy.typing import NDArray
-from programs import LOOPBACK, PATIENCE
+from programs import LOOPBACK, PATIENCE, until
 from synthetic import stick_clip
 
 from kinespace.library import MotionLibrary
@@ -151,10 +151,7 @@ def test_datagrams_from_elsewhere_are_not_read(network: str, received: bytes) ->
     receiver = osc.OscReceiver(LOOPBACK, 0, [ipaddress.ip_network(network)])
     sender = osc.OscSender(*receiver.address)
     sender.send(b"x")
-    until = time.monotonic() + PATIENCE
-    while (packet := receiver.receive()) is None and time.monotonic() < until:
-        time.sleep(0.001)
-    assert packet == received
+    assert until(lambda: [*iter(receiver.receive, None)]) == [received]
     sender.close()
     receiver.close()
 
@@ -167,8 +164,8 @@ def test_peers_from_elsewhere_do_not_connect(network: str, *, let_in: bool) -> N
     publisher = zmq.Context.instance().socket(zmq.XPUB)
     publisher.linger = 0
     publisher.connect(receiver.address)
-    until = time.monotonic() + (PATIENCE if let_in else 0.5)
-    while not publisher.poll(10) and time.monotonic() < until:
+    end = time.monotonic() + (PATIENCE if let_in else 0.5)
+    while not publisher.poll(10) and time.monotonic() < end:
         receiver.receive()
     assert bool(publisher.poll(0)) == let_in
     publisher.close()
@@ -184,11 +181,7 @@ def test_a_subscription_is_bounded() -> None:
         subscriber.linger = 0
         subscriber.connect(sender.address)
         subscriber.subscribe(topic)
-    until = time.monotonic() + PATIENCE
-    while not (ordinary.poll(10) and events.poll(0)) and time.monotonic() < until:
-        sender.send([b"class/ann/", b"x" * 100_000])
-    assert ordinary.poll(0)
-    assert events.poll(0)
+    until(lambda: (sender.send([b"class/ann/", b"x" * 100_000]), ordinary.poll(10) and events.poll(0))[1])
     greedy.disable_monitor()
     events.close()
     for each in (greedy, ordinary, sender):

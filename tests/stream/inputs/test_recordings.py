@@ -12,15 +12,7 @@ from pathlib import Path
 import pytest
 
 from kinespace.stream.inputs import kinerec
-from kinespace.stream.inputs.kinerec import (
-    RawFile,
-    RawFileError,
-    RawPacket,
-    RawWriter,
-    Recorder,
-    encode_header,
-    encode_packet,
-)
+from kinespace.stream.inputs.kinerec import RawFile, RawFileError, RawPacket, RawWriter
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")
 PACKETS = [
@@ -66,9 +58,9 @@ def test_a_file_is_read_to_its_last_whole_record(tmp_path: Path) -> None:
     """Cut off or changed at any byte, a file gives the records before it, and the byte and length of the rest."""
     path = write(tmp_path / "a.kinerec")
     whole = path.read_bytes()
-    ends = [len(encode_header(RawFile(path).header))]
+    ends = [len(kinerec.encode_header(RawFile(path).header))]
     for packet in PACKETS:
-        ends.append(ends[-1] + len(encode_packet(packet)))
+        ends.append(ends[-1] + len(kinerec.encode_packet(packet)))
     assert ends[-1] == len(whole)
     for place in range(ends[0], len(whole)):
         complete = sum(end <= place for end in ends[1:])
@@ -118,13 +110,13 @@ def test_a_disk_that_refuses_for_a_while_costs_nothing(tmp_path: Path, read_only
             writer.write(packet)
         writer._try_to_sync()  # noqa: SLF001 - without waiting for a second
         assert writer.trouble == ("Read-only file system" if read_only else "No space left on device")
-        assert Recorder(writer, 0).note == f"recording: {writer.trouble}; 0 packets lost"
+        assert kinerec.Recorder(writer, 0).note == f"recording: {writer.trouble}; 0 packets lost"
         assert list(RawFile(path).packets()) == []
-        assert writer._waiting_bytes == sum(len(encode_packet(packet)) for packet in PACKETS[:2])  # noqa: SLF001 - unseen
+        assert writer._waiting_bytes == sum(len(kinerec.encode_packet(packet)) for packet in PACKETS[:2])  # noqa: SLF001 - unseen
         writer.write(PACKETS[2])
         disk.room = 1 << 20
         writer._try_to_sync()  # noqa: SLF001 - as above
-        assert (writer.trouble, Recorder(writer, 0).note) == ("", "")
+        assert (writer.trouble, kinerec.Recorder(writer, 0).note) == ("", "")
         writer.write(PACKETS[3])
     assert (writer.written, writer.failed) == (4, 0)
     recording = RawFile(path)

@@ -3,6 +3,7 @@
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -125,32 +126,13 @@ def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
 
 
 @contextmanager
-def asked_source(every: float = 2.0) -> Iterator[tuple[FeedSource, socket.socket]]:
+def asked_source() -> Iterator[tuple[FeedSource, socket.socket]]:
     """Open a source that asks, and the socket of the one that is asked."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.bind((LOOPBACK, 0))
         sender.settimeout(5.0)
         port = sender.getsockname()[1]
-        text = f"""
-port = 1
-[[message]]
-address = "/{{joint}}"
-arguments = ["x", "y", "z"]
-[frame]
-close = ["complete", "timeout"]
-[ask]
-port = {port}
-every = {every}
-while_silent = true
-[[ask.message]]
-address = "/please"
-arguments = ["{{port}}", "to {{port}}", 1.5]
-[[ask.farewell]]
-address = "/bye"
-[joints]
-a = "root"
-b = "head"
-"""
+        text = Path(__file__).with_name("asks.toml").read_text(encoding="utf-8").replace("port = 9", f"port = {port}")
         source = FeedSource(OscReceiver(LOOPBACK, 0), parse_preset(text, "asks", "asks.toml"))
         yield source, sender
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from programs import ROOT
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
@@ -43,7 +44,6 @@ def recognition(
 
 def read(packet: bytes | None) -> dict[str, list[object]]:
     """Read a packet with python-osc: arguments by address."""
-    assert packet is not None
     return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
 
 
@@ -148,10 +148,8 @@ def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
     none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
     told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
     told.append(read(layout.gone(LEFT)))
-    classes = [
-        next(params for address, params in each.items() if address.endswith(("/class", "/Motion", "/outputs")))
-        for each in told
-    ]
+    said, ends = [[*each.items()] for each in told], ("/class", "/Motion", "/outputs")
+    classes = [next(params for address, params in each if address.endswith(ends)) for each in said]
     numbers = [[value for value in params if not isinstance(value, str)][:1] for params in classes]
     assert numbers[0] == numbers[2] == none
     assert numbers[1] != none
@@ -236,35 +234,7 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
     receiver.close()
 
 
-FILMS = """
-title = "a mixer of films"
-port = 7000
-
-[[message]]
-when = "start"
-class = "jump"
-address = "/composition/columns/{number}/connect"
-arguments = [1]
-
-[[message]]
-when = "start"
-address = "/{performer}/{class}"
-arguments = ["begins {class}", "{index}", "{score}"]
-
-[[message]]
-when = "answer"
-address = "/fader"
-arguments = ["{score}", "{margin}", "{phase}", "{speed:.1f} x", 0.5]
-
-[[message]]
-when = "done"
-address = "/count"
-arguments = ["{count}", "{duration}"]
-
-[[message]]
-when = "gone"
-address = "/blackout"
-"""
+FILMS = (ROOT / "tests" / "support" / "films.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -279,17 +249,14 @@ def _layout(folder: Path, text: str) -> WrittenLayout:
 
 
 def _read(packet: bytes | None) -> list[tuple[str, list[object]]]:
-    assert packet is not None
     return [(each.message.address, each.message.params) for each in OscPacket(packet).messages]
 
 
 def test_each_moment_has_its_messages(films: WrittenLayout) -> None:
     """Numbers stay numbers, a text around a name is filled in, reserved characters of a name leave the address."""
     assert (films.name, films.port) == ("a mixer of films", 7000)
-    assert _read(films.event(START)) == [
-        ("/composition/columns/2/connect", [1]),
-        ("/Ada%20L/jump", ["begins jump", 1, 0.75]),
-    ]
+    begins = ("/Ada%20L/jump", ["begins jump", 1, 0.75])
+    assert _read(films.event(START)) == [("/composition/columns/2/connect", [1]), begins]
     bow = dataclasses.replace(START, label="bow", index=0)
     assert _read(films.event(bow)) == [("/Ada%20L/bow", ["begins bow", 0, 0.75])]
     assert films.event(dataclasses.replace(START, kind=EventKind.END)) is None

@@ -114,50 +114,35 @@ POSE = stick_clip("bow").positions[0]
 CARRIED = Carried((1.0, *[0.0] * (len(POSE) - 1)), ((0, 1), (0, 2)))
 
 
-class Sender:
-    """Keeps what is sent."""
-
-    def __init__(self) -> None:
-        self.sent: list[list[bytes]] = []
-
-    def __str__(self) -> str:
-        return "ZeroMQ here"
-
-    def send(self, parts: list[bytes]) -> None:
-        """Keep a message."""
-        self.sent.append(parts)
-
-
-#: Performers of whom everything is known.
-ANYBODY: Any = SimpleNamespace(skeleton_of=lambda _: STICK, carried=lambda _: CARRIED)
+def _bodies() -> tuple[BodySink, list[list[bytes]]]:
+    """Make a sink for performers of whom everything is known, and the list of what it sends."""
+    sent = list[list[bytes]]()
+    return BodySink(SimpleNamespace(send=sent.append), lambda _: STICK, lambda _: CARRIED), sent  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 60.0, 119.88, 240.0])
 def test_at_most_thirty_bodies_are_sent_a_second(rate: float) -> None:
     """Of any feed at most thirty frames a second, more than twenty; the second and every thirtieth with the joints."""
-    sender = Sender()
-    sink = BodySink(sender, ANYBODY.skeleton_of, ANYBODY.carried)  # type: ignore[arg-type]  # only `send` is called
+    sink, sent = _bodies()
     for index in range(round(3 * rate)):
         sink.send(Frame("ann", 1.0 + index / rate, POSE))
-    assert 3 * 20 <= len(sender.sent) <= 3 * 30 + 1
-    headers = [json.loads(parts[1]) for parts in sender.sent]
+    assert 3 * 20 <= len(sent) <= 3 * 30 + 1
+    headers = [json.loads(parts[1]) for parts in sent]
     assert ["names" in header for header in headers] == [number % 30 == 1 for number in range(len(headers))]
     assert ["carried" in header for header in headers] == [number % 5 == 0 for number in range(len(headers))]
-    assert str(sink) == "ZeroMQ here (bodies)"
 
 
 def test_a_sender_that_begins_anew_is_shown_at_once() -> None:
     """When the times go back, and when a performer has left or was forgotten among many, the next frame is sent."""
-    sender = Sender()
-    sink = BodySink(sender, ANYBODY.skeleton_of, ANYBODY.carried)  # type: ignore[arg-type]  # only `send` is called
+    sink, sent = _bodies()
     for moment, count in ((100.0, 1), (1.0, 2), (1.001, 2), (1.05, 3)):
         sink.send(Frame("ann", moment, POSE))
-        assert len(sender.sent) == count
+        assert len(sent) == count
     sink.send(Gone("ann"))
     sink.send(Frame("ann", 1.051, POSE))
-    assert len(sender.sent) == 4
+    assert len(sent) == 4
     for number in range(255):
         sink.send(Frame(f"{number}", 1.0, POSE))
     for name in ("ann", "one more", "ann"):
         sink.send(Frame(name, 1.052, POSE))
-    assert len(sender.sent) == 4 + 255 + 2
+    assert len(sent) == 4 + 255 + 2

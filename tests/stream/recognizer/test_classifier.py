@@ -40,7 +40,6 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
         some = slice(before, end)
         windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
         seen, before = windows.read(), end
-        assert seen is not None
         if timing:
             own = index.comparison.place(seen.signature.parts)
             apart = zip(own, index.vectors, strict=True)
@@ -130,12 +129,8 @@ def test_scikit_learn_takes_it() -> None:
     with pytest.warns(UserWarning, match="Can't test estimator MotionClassifier which requires input"):
         checks.check_estimator(classifier)
     assert base.is_classifier(classifier)
-    assert base.clone(classifier).set_params(frame_rate=30.0).get_params() == {
-        "skeleton": STICK,
-        "frame_rate": 30.0,
-        "hop": 0.1,
-        "timing": 0.5,
-    }
+    cloned = base.clone(classifier).set_params(frame_rate=30.0).get_params()
+    assert cloned == {"skeleton": STICK, "frame_rate": 30.0, "hop": 0.1, "timing": 0.5}
     people = [each.actor for each in CLIPS]
     scores = selection.cross_val_score(classifier, CLIPS, NAMES, groups=people, cv=selection.LeaveOneGroupOut())
     assert len(scores) == 3

@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
-from kinespace.stream import Event, EventKind, LiveSignature, Outcome, Recognition, Settings
+from kinespace.stream import Event, LiveSignature, Outcome, Recognition, Settings
 from kinespace.stream.recognizer.decision import Decision, Hysteresis
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for
 
 CLASSES = ("bow", "jump", "wave")
-START, END, NAMED = EventKind.START, EventKind.END, Outcome.NAMED
-HOP = 1 / 30
+NAMED = Outcome.NAMED
 #: The lead after which a class starts.
 NEEDED = 3.0
 MOVING = Signature({}, np.zeros(1), 0.1, 0.5, 0.5)
@@ -37,16 +36,6 @@ def _pushed(decision: Decision, recognitions: Iterable[Recognition]) -> list[Eve
     return [event for recognition in recognitions for event in decision.events(recognition)]
 
 
-def _course(*stretches: tuple[float, Outcome, int], hop: float = HOP) -> list[Recognition]:
-    """Make stretches of so many seconds each, of one outcome and one class."""
-    made, begin = list[Recognition](), 10.0
-    for seconds, outcome, index in stretches:
-        hops = round(seconds / hop)
-        made += [_recognition(begin + k * hop, index, outcome=outcome) for k in range(hops)]
-        begin += hops * hop
-    return made
-
-
 @given(st.lists(st.tuples(st.integers(0, 3), st.floats(0, 2), st.floats(0, 0.2)), max_size=60), st.floats(0.01, 3))
 def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, float, float]], needed: float) -> None:
     """The lead of the name in front, times thirtieths of a second, counts since it came to the front, and once."""
@@ -63,9 +52,6 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
     assert hysteresis.current == (current if current in {"a", "b", None} else None)
     hysteresis.clear()
     assert hysteresis.current is None
-
-
-# --- hysteresis and judgement ------------------------------------------------------------------------------------
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------
@@ -108,7 +94,7 @@ def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float,
 )
 @settings(max_examples=60)
 def test_events_are_the_twins(course: list[tuple[int, Outcome, float, float, int]], needed: float) -> None:
-    """At any hops, of any outcomes and leads, starts and ends are those that the slow twin lists."""
+    """At any hops, of any outcomes and leads, starts and ends, with their scores, are the slow twin's."""
     time, answers = 5.0, list[Recognition]()
     for leader, outcome, lead, hop, hops in course:
         for _ in range(hops):
@@ -125,14 +111,8 @@ def test_events_are_the_twins(course: list[tuple[int, Outcome, float, float, int
         return
     events = _pushed(Decision(needed), answers)
     assert [(event.time, str(event.kind), event.index) for event in events] == expected
-    for start, end in zip(events[::2], events[1::2], strict=False):
-        assert (start.kind, end.kind, start.label) == (START, END, end.label)
-
-
-def test_an_event_holds_performer_and_score() -> None:
-    """A start has performer, label, index, score and time of the deciding recognition; an end has its own class."""
-    start, end, other = _pushed(Decision(NEEDED), _course((1.0, NAMED, 1), (1.0, NAMED, 2)))
-    assert start == Event("p", START, "jump", 1, 0.9, start.time)
-    assert end == Event("p", END, "jump", 1, 0.2, other.time)
-    assert other == Event("p", START, "wave", 2, 0.9, other.time)
-    assert start.time == pytest.approx(10 + NEEDED * HOP, abs=HOP + 1e-9)
+    scores = {answer.time: answer.scores for answer in answers}
+    for event in events:
+        assert event == Event(
+            "p", event.kind, CLASSES[event.index], event.index, scores[event.time][event.index], event.time
+        )

@@ -67,12 +67,6 @@ def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
         assert 0.5 < each.score < 1
 
 
-def test_what_was_done_between_two_slow_hops_is_said(index: WindowIndex) -> None:
-    """A hop of a second looks several times, and says what any of the looks has seen."""
-    done = said(index, joined(clips_of(SQUAT)[2:6]), false_alarms=60.0, hop=1.0)
-    assert [each.label for each in done] == [SQUAT] * 4
-
-
 @pytest.mark.parametrize("name", [SQUAT, ARMS])
 def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) -> None:
     """Of the first halves of motions none is done, of whole ones most are."""

@@ -83,7 +83,6 @@ def _assert_by_definition(
     live: LiveWindows, read: Compared | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
 ) -> None:
     """Compare all that was read with numbers computed from the rows up to now."""
-    assert read is not None
     assert live.seen is read
     signature = read.signature
     expected = Twin(index).numbers(times[-1], times, rows)

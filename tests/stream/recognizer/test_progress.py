@@ -67,14 +67,12 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
         live = np.concatenate([point, VELOCITY * (point - past[max(0, len(past) - 5)])])
         belief = weighed(belief, few.vectors.T, live @ table.whitening, 1 / 16)
         told = follower.push(index * STEP, point, class_name)
-        assert told
         assert below(belief, phases, told.phase) < 0.5 + 1e-3
         assert below(belief, phases, math.nextafter(told.phase, 2)) > 0.5 - 1e-3
         near = sum(each for each, phase in zip(belief, phases, strict=True) if abs(phase - told.phase) <= 0.1)
         assert told.sure == pytest.approx(near, abs=1e-3)
-        expected, usual, swing = (
-            float(np.dot(belief, each)) for each in (few.speeds, few.usual_speeds, few.usual_swings)
-        )
+        kinds = few.speeds, few.usual_speeds, few.usual_swings
+        expected, usual, swing = (float(np.dot(belief, each)) for each in kinds)
         pace.push(past, live[len(live) // 2 :], (expected, usual), swing)
         assert (told.speed, told.amplitude) == pytest.approx((pace.speed, pace.amplitude), rel=1e-3)
 
@@ -89,6 +87,4 @@ def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
             for part in range(1, apart + 1) if place else [apart]:
                 moment = (apart * max(place - 1, 0) + part * (place > 0)) * STEP
                 seen = often.push(moment, before + part / apart * (point - before), ARMS)
-            assert told
-            assert seen
             assert (told.phase, told.speed) == pytest.approx((seen.phase, seen.speed), abs=1e-6)

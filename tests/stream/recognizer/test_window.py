@@ -40,10 +40,8 @@ def test_the_window_equals_a_plain_list(
 ) -> None:
     """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
     generator = np.random.default_rng(seed)
-    window, twin = (
-        _window(ticks / TICKS, fastest=fastest),
-        NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest)))),
-    )
+    window = _window(ticks / TICKS, fastest=fastest)
+    twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
     time, mark = int(generator.integers(-1000, 1000)), 0
     while mark < 700:
         count = int(generator.integers(1, largest_batch + 1))
@@ -65,12 +63,3 @@ def test_the_window_equals_a_plain_list(
             window.clear()
             twin.rows.clear()
             time -= int(generator.integers(0, 2000))
-
-
-def test_a_feed_too_fast_shortens_the_window() -> None:
-    """Above the fastest feed foreseen it keeps the newest rows that there is room for."""
-    window = _window(1.0)
-    for time in np.arange(1500) / (4 * MAX_FEED_RATE):
-        window.push([time], _rows(time))
-    assert len(window.times) == MAX_FEED_RATE
-    assert window.times[-1] - window.times[0] == pytest.approx(0.25, rel=0.01)

@@ -14,18 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import until
 from synthetic import STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.windows.index import MAX_VIEWS
-from kinespace.stream import (
-    Announcement,
-    BackgroundViews,
-    Frame,
-    Performers,
-    Recognition,
-    Settings,
-)
+from kinespace.stream import Announcement, BackgroundViews, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted, NewSender
 from kinespace.stream.service import gateway as gateways
 from kinespace.stream.service import worker
@@ -84,11 +78,7 @@ class Fed:
 
     def until(self, reached: Callable[[], bool]) -> None:
         """Read until something is reached."""
-        end = time.monotonic() + PATIENCE
-        while not reached():
-            assert time.monotonic() < end, (self.gateway.notes, len(self.heard), len(self.expected))
-            self.gateway.tend(self._clock())
-            time.sleep(0.001)
+        until(lambda: reached() or self.gateway.tend(self._clock()))
 
     @property
     def events(self) -> list[list[tuple[str, str, str]]]:
@@ -167,7 +157,6 @@ def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: Mot
         joints = sticks.skeleton.joints[::-1]
         gateway.push_all([Announcement("ann", joints)], 1.0)
         turned = gateway.ordered(Frame("ann", 9.0, positions[::-1]))
-        assert turned
         assert np.array_equal(turned.positions, positions)
         assert gateway.ordered(Frame("ann", 9.0, positions[1:])) is None
         for index in range(12):
@@ -185,9 +174,7 @@ def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: Mot
 
 
 def _wait(views: BackgroundViews) -> None:
-    thread = views._thread  # noqa: SLF001 - the test waits for the thread instead of asking again and again
-    assert thread is not None
-    thread.join()
+    views._thread.join()  # noqa: SLF001 - the test waits for the thread instead of asking again and again
 
 
 def test_windows_are_given_once_they_are_open(sticks: MotionLibrary) -> None:

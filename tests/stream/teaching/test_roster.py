@@ -6,17 +6,9 @@ from synthetic import gesture, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.windows.courses import Courses
+from kinespace.stream.teaching import movement as moving
 from kinespace.stream.teaching.examples import Check, Example, Roster, TaughtWindows, checked
-from kinespace.stream.teaching.movement import (
-    Movement,
-    MovementMeter,
-    StretchFinder,
-    limb_speed,
-    moved_at_all,
-    moved_in,
-    relative_movement,
-    stillness_of,
-)
+from kinespace.stream.teaching.movement import Movement, MovementMeter, StretchFinder
 
 #: What is said of two classes that cannot be told apart.
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
@@ -50,9 +42,7 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
     library.save(path)
     again = Roster.of_library(MotionLibrary.load(path))
     assert [(each.number, each.class_name) for each in again.examples] == [(1, "zoo"), (2, "abc"), (3, "zoo")]
-    assert [(each.begin, each.end) for each in again.examples] == [
-        (0.0, each.recording.duration) for each in again.examples
-    ]
+    assert all((each.begin, each.end) == (0.0, each.recording.duration) for each in again.examples)
 
 
 @pytest.mark.slow
@@ -113,9 +103,8 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
     windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
     index = windows.index_of(_roster(*squats, ("a", "kickLFront1Reps", 0), ("b", "kickLFront1Reps", 1)))
-    assert np.bincount(index.motions) == pytest.approx(
-        [10 * each.duration - 5 for each in index.library.motions], abs=1
-    )
+    windows_of_each = [10 * each.duration - 5 for each in index.library.motions]
+    assert np.bincount(index.motions) == pytest.approx(windows_of_each, abs=1)
     found = [checked(index, number) or Check(0, "", 0) for number in range(1, 6)]
     assert [each.share_at_risk for each in found] == [0, 0, 0, 1, 0]
     assert [each.nearest for each in found] == ["b"] * 4 + ["a"]
@@ -123,7 +112,6 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
     assert checked(index, 9) is None
     for count, alike in ((2, [np.nan] * 3), (3, [0.9, 0.9, 1.2, np.nan])):
         index = windows.index_of(_roster(*squats[:count], ("b", "kickLFront1Reps", 0)))
-        assert index is not None
         found = [checked(index, number) or Check(0, "", 0) for number in range(1, count + 2)]
         assert [each.to_own for each in found] == pytest.approx(alike, abs=0.1, nan_ok=True)
 
@@ -159,8 +147,6 @@ def test_an_example_of_either_side_is_compared_mirrored_too(small_index: WindowI
         assert len(both.library.motions) == len(plain.library.motions) + len(roster.examples)
     windows = TaughtWindows(small_index, with_base=False, either_side=True)
     index, plain = windows.index_of(roster), TaughtWindows(small_index, with_base=False).index_of(roster)
-    assert index is not None
-    assert plain is not None
     for number in (1, 2, 3):
         ours, theirs = checked(index, number), checked(plain, number)
         assert ours.is_first == theirs.is_first
@@ -179,7 +165,7 @@ def test_relative_movement_is_the_textbook_formula() -> None:
         for pair in range(5)
     )
     expected = max(swing - bends / 5 / 6, 0) / sum(each**2 for each in mean)
-    assert relative_movement(rows) == pytest.approx(expected**0.5)
+    assert moving.relative_movement(rows) == pytest.approx(expected**0.5)
 
 
 def test_hysteresis() -> None:
@@ -196,8 +182,7 @@ def test_hysteresis() -> None:
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
-    found = moved_at_all(nod)
-    assert found
+    found = moving.moved_at_all(nod)
     assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
@@ -216,11 +201,10 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
         movement = meter.push(time, body)
         if movement and time < 1:
             standing.append((time, movement))
-            finder = StretchFinder(stillness_of(standing))
+            finder = StretchFinder(moving.stillness_of(standing))
         elif movement:
             finder.push(time, movement)
             began += [finder.began] if finder.began is not None else []
-    assert began
     assert 1.0 < began[0] < 1.5
 
 
@@ -232,7 +216,7 @@ def test_the_limb_speed_is_that_of_its_joint() -> None:
     bodies[:, 0, 2] = 0.3 * times
     bodies[3, 4] = np.nan
     # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.
-    assert limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
+    assert moving.limb_speed(times, bodies) == pytest.approx(0.3 * 0.75 / (10 / 3) ** 0.5, rel=1e-3)
 
 
 def test_a_joint_that_jumps_begins_no_motion() -> None:
@@ -240,4 +224,4 @@ def test_a_joint_that_jumps_begins_no_motion() -> None:
     nod = gesture("nod")
     standing = np.repeat(nod.positions[:1], 120, axis=0)
     standing[60:64, 18] += 0.1
-    assert [*moved_in(replace(nod, positions=standing))] == []
+    assert [*moving.moved_in(replace(nod, positions=standing))] == []

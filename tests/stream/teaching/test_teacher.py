@@ -238,20 +238,14 @@ def test_a_hole_in_the_feed_makes_no_example() -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        commands.Rename("squat1Reps", "s"),
-        commands.Forget("squat1Reps"),
-        commands.Enable("nobody", on=True),
-        commands.Stop(),
-        commands.Cancel(),
-        commands.Undo(),
-        commands.Last("ann", 3.0, "wave"),
+        *(commands.Rename("squat1Reps", "s"), commands.Forget("squat1Reps"), commands.Enable("nobody", on=True)),
+        *(commands.Stop(), commands.Cancel(), commands.Undo(), commands.Last("ann", 3.0, "wave")),
     ],
 )
 def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
     """A command that makes no sense at this step is refused with a reason."""
     stage = Stage()
     (told,) = stage.ask(command)
-    assert isinstance(told, State)
     assert told.step is Step.REFUSED
 
 
@@ -261,7 +255,6 @@ def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
     told, changed = stage.teacher.failed(1, "too short")
     assert told == State("ann", Step.REFUSED, 0.0, "too short")
     assert stage.teacher.roster.examples == ()
-    assert isinstance(changed, Changed)
     assert changed.roster is stage.teacher.roster
 
 

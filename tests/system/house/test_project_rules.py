@@ -182,24 +182,17 @@ FAR, FAR6, NAME = "192.0.2.77", "2001:db8::1", "stage.invalid"
 
 _TRIED = f"""
 import socket
-def refused(act):
+def refused(act, *given):
     try:
-        act()
+        act(*given)
     except OSError as error:
         return "tests ask no network" in str(error)
     return False
 udp, udp6 = socket.socket(type=socket.SOCK_DGRAM), socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
-found = [
-    refused(lambda: socket.create_connection(({FAR!r}, 9))),
-    refused(lambda: udp.sendto(b"", ({FAR!r}, 9))),
-    refused(lambda: udp.sendto(b"", ("224.0.0.251", 5353))),
-    refused(lambda: udp.sendto(b"", ("255.255.255.255", 9))),
-    refused(lambda: udp.connect(({NAME!r}, 9))),
-    refused(lambda: udp6.sendto(b"", ({FAR6!r}, 9))),
-    refused(lambda: udp6.sendto(b"", ("ff02::fb", 5353))),
-    refused(lambda: socket.getaddrinfo({NAME!r}, 9)),
-    refused(lambda: socket.gethostbyname({NAME!r})),
-]
+found = [refused(udp.sendto, b"", (far, 9)) for far in ({FAR!r}, "224.0.0.251", "255.255.255.255")]
+found += [refused(udp6.sendto, b"", (far, 9)) for far in ({FAR6!r}, "ff02::fb")]
+found += [refused(act, ({FAR!r}, 9)) for act in (udp.connect, socket.create_connection)]
+found += [refused(socket.getaddrinfo, {NAME!r}, 9), refused(socket.gethostbyname, {NAME!r})]
 udp.sendto(b"", ({LOOPBACK!r}, 9))
 udp6.sendto(b"", ("::1", 9))
 udp.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton({LOOPBACK!r}))
@@ -329,12 +322,8 @@ paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
         (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
     (tmp_path / "kinespace").symlink_to(ROOT / ".venv/packages/kinespace")
     command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", *sorted(map(str, tmp_path.glob("*.py")))]
-    command += [
-        "--cache-dir",
-        str(ROOT / ".mypy_cache" / "examples"),
-        "--ignore-missing-imports",
-        "--disable-error-code=import-untyped",
-    ]
+    command += ["--cache-dir", str(ROOT / ".mypy_cache" / "examples"), "--ignore-missing-imports"]
+    command += ["--disable-error-code=import-untyped"]
     environment = {**os.environ, "MYPYPATH": str(tmp_path)}
     checked = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "\n".join(line for line in checked.stdout.splitlines() if line.startswith("example")) == ""
@@ -408,16 +397,12 @@ FOLDERS = {"tools/front": "kinespace"} | {
 
 #: Folders of files without modules of the product, which count as packages, too.
 FILES = {
-    f"kinespace.{folder.replace('/', '.')}": folder
-    for folder in (
-        "library/naming/conventions",
-        "stream/feeds/presets",
-        "tools/examples",
-        "tools/examples/processing",
-        "tools/examples/unity",
-        "tools/examples/unity/Runtime",
-        "tools/page/static",
-    )
+    f"kinespace.{name_of(folder).replace('/', '.')}": name_of(folder)
+    for package in PACKAGES
+    for folder in (ROOT / package).rglob("*")
+    if folder.is_dir()
+    and not (folder / "__init__.py").exists()
+    and not {"__pycache__", "node_modules"} & {*folder.parts}
 }
 
 

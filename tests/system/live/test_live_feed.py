@@ -9,18 +9,9 @@ from contextlib import ExitStack
 
 import pytest
 from golden import moments
-from programs import (
-    LOOPBACK,
-    PATIENCE,
-    builtin_library,
-    free_udp_port,
-    ghost_cues,
-    live,
-    motion_cues,
-    started,
-    summary_counts,
-)
+from programs import LOOPBACK, free_udp_port, ghost_cues, live, motion_cues, started, summary_counts, until
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import osc
 from kinespace.stream.osc import OscReceiver, decode_packet
 from kinespace.stream.osc.packet import Message
@@ -72,18 +63,15 @@ def test_a_signal_ends_live_with_end_events() -> None:
         assert (stage.program.wait(), stage.program.errors) == (0, "")
         assert summary_counts(stage.program.output)["frames"] == 240
         heard = [packet.packet for packet in stage._listener.listen_until(time.perf_counter() + 0.2)]  # noqa: SLF001 - events too
-    events = [
-        message for packet in heard for message in osc.decode_packet(packet) if message.address.endswith("/event")
-    ]
-    assert [event.arguments[0] for event in events][-1] == "end"
+    messages = [message for packet in heard for message in osc.decode_packet(packet)]
+    assert [each.arguments[0] for each in messages if each.address.endswith("/event")][-1] == "end"
 
 
 def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:
     """Send a ghost in a product's layout at 30 Hz in real time: most feeds are timed by their arrival."""
     start = time.monotonic()
-    for moment, packets in moments(
-        layout, [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", seconds)[::4]]
-    ):
+    shown = [cue.frame.positions for cue in ghost_cues("kickLFront1Reps", seconds)[::4]]
+    for moment, packets in moments(layout, shown):
         time.sleep(max(0.0, start + moment - 1.0 - time.monotonic()))
         for packet in packets:
             sender.sendto(packet, (LOOPBACK, port))
@@ -91,13 +79,12 @@ def play(layout: str, port: int, seconds: float, sender: socket.socket) -> None:
 
 def heard(receiver: OscReceiver, address: str) -> list[Message]:
     """Collect messages of one address, waiting for the first."""
-    until = time.monotonic() + PATIENCE
-    messages: list[Message] = []
-    while not messages and time.monotonic() < until:
-        while (datagram := receiver.receive()) is not None:
-            messages += [message for message in decode_packet(datagram) if message.address == address]
-        time.sleep(0.01)
-    return messages
+
+    def came() -> list[Message]:
+        messages = [message for datagram in iter(receiver.receive, None) for message in decode_packet(datagram)]
+        return [message for message in messages if message.address == address]
+
+    return until(came)
 
 
 def test_a_feed_is_recognised_and_several_hear_it() -> None:
@@ -129,16 +116,15 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         assert program.output.startswith("feed vmc: 22 of the library's 31 joints\n")
 
 
-def test_a_joint_that_the_library_lacks_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_joint_that_the_library_lacks_is_named(builtin: MotionLibrary, capsys: pytest.CaptureFixture[str]) -> None:
     """A misspelt joint would be missing without a word: a line names it and the most similar name."""
-    library = builtin_library()
-    joints = [name for name in library.skeleton.joints if name != "head"]
-    assert len(fitted(library, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
+    joints = [name for name in builtin.skeleton.joints if name != "head"]
+    assert len(fitted(builtin, "feed mine", [*joints, "haed", "tail"]).skeleton.joints) == 30
     told = (
         "feed mine: the library has no joint 'haed', perhaps head is meant\n"
         "feed mine: not compared, because the library lacks them: haed, tail\n"
         "feed mine: 30 of the library's 31 joints\n"
     )
     assert capsys.readouterr().out == told
-    fitted(library, "feed mine", [*joints, "head", "haed"])
+    fitted(builtin, "feed mine", [*joints, "head", "haed"])
     assert capsys.readouterr().out == ""

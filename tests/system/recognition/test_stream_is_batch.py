@@ -129,19 +129,12 @@ def _assert_decided_alike(course: Course, twin: Twin, settings: Settings) -> Non
     assert [answer.so_far for answer in course.answers] == naive_stream.so_far(
         course.times, course.distances, movements
     )
-    rejection = index.rejection
-    logits = [
-        logit(
-            rejection.weights.tolist(),
-            answer.evidence.compared,
-            rejection.typical.tolist(),
-            answer.evidence.noise,
-            offset=rejection.offset,
-            bias=rejection.biases.get(answer.classes[answer.guess], 0.0),
-            slope=rejection.slopes.get(answer.classes[answer.guess], 0.0),
-        )
-        for answer in course.answers
-    ]
+    rejection, logits = index.rejection, list[float]()
+    for answer in course.answers:
+        name, known = answer.classes[answer.guess], (rejection.weights.tolist(), answer.evidence.compared)
+        bias, slope = rejection.biases.get(name, 0.0), rejection.slopes.get(name, 0.0)
+        usual = rejection.typical.tolist(), answer.evidence.noise
+        logits.append(logit(*known, *usual, offset=rejection.offset, bias=bias, slope=slope))
     known = naive_stream.known(
         course.times, logits, rejection.threshold_at(SENSITIVITY), rejection.over, rejection.held
     )

@@ -1,6 +1,5 @@
 """Bad feeds: all that a sender does wrong is counted, nothing raises, and valid frames are recognised."""
 
-import time
 from contextlib import closing
 
 import numpy as np
@@ -9,7 +8,7 @@ import zmq
 from fuzzfeeds import run, run_messages
 from golden import LAYOUTS, moments
 from numpy.typing import NDArray
-from programs import LOOPBACK, PATIENCE, ghost_cues
+from programs import LOOPBACK, ghost_cues, until
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.library.signature.landmark_body import LandmarkBody
@@ -18,9 +17,6 @@ from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
 from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 from kinespace.stream.inputs import Source, ZmqDecoder
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
-
-# --- bad feed ---------------------------------------------------------------------------------------------------------
-
 
 # --- hostile packets --------------------------------------------------------------------------------------------------
 
@@ -31,17 +27,15 @@ def test_a_message_of_a_hundred_thousand_parts_is_passed_over() -> None:
         ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True)),
         zmq.Context.instance().socket(zmq.XPUB),
     )
-    publisher.linger, events, until = 0, [], time.monotonic() + PATIENCE
+    publisher.linger, events = 0, []
     publisher.set_hwm(0)
     with closing(publisher), closing(Source(receiver, ZmqDecoder())) as source:
         publisher.connect(receiver.address)
-        while not publisher.poll(10):
-            source.take(0.0)
+        until(lambda: (source.take(0.0), publisher.poll(10))[1])
         publisher.send_multipart(zeromq.encode_frame(Frame("ann", 1.0, np.ones((5, 3))), 0))
         publisher.send_multipart([b"x"] * 100_000)
         publisher.send_multipart(zeromq.encode_frame(Frame("ann", 1.01, np.ones((5, 3))), 1))
-        while source.counts.received < 3 and time.monotonic() < until:
-            events += source.take(1.0) or ()
+        until(lambda: (events.extend(source.take(1.0) or ()), source.counts.received >= 3)[1])
         assert ([event.time for event in events], source.counts.foreign) == ([1.0, 1.01], 1)
 
 

@@ -2,6 +2,7 @@
 
 import os
 import resource
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -24,145 +25,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 #: By the arguments that a program cannot follow, a part of the line that says so; names in braces are `places`.
-REFUSED = {
-    "": ": error: the following arguments are required",
-    "dance": ": error: ",
-    "lvie": ", perhaps live or listen is meant;",
-    "latency --seconds 0": "--seconds: expected a positive number, got 0",
-    "latency --seconds 0.5 --hop 0.03": "--seconds: expected enough for an answer after the first 0.5 s, got 0.5",
-    "latency --seconds 1.1 --hop 1": "--seconds: expected enough for an answer after the first 0.5 s, got 1.1",
-    "latency --json": "--json: expected --transport osc or zmq with it, got both",
-    "evaluate teach --draws 1.5": "--draws: expected a whole number above 0, got 1.5",
-    "evaluate stream nowhere --answers {folder}": "{folder}: Is a directory",
-    "live --hop -1": "--hop: expected a number not below 0, got -1",
-    "live --performers 0 --osc-in :0": "most: expected 1 to 10000 performers, got 0",
-    "live --osc-in :0 --out max=127.0.0.1:0": "--out: expected HOST:PORT, the port from 1 to 65535, got '127.0.0.1:0'",
-    "live --libary none": "kinespace live: error: unknown argument --libary, perhaps --library is meant;",
-    "live --signature papr": ", perhaps paper is meant;",
-    "live --window 0.5": "--window: expected --signature paper with it, got windows",
-    "live --osc-in :0 --signature paper --window 1e9": "--window: expected seconds that memory has room for",
-    "live --feed rokokko": "got 'rokokko', perhaps rokoko is meant",
-    "live --feed nowhere.toml": "nowhere.toml: No such file or directory",
-    "live --feed kinectv2 --osc-in :0 --library {sticks}": "joints: expected at least 5 of the library's 6",
-    "live --osc-in :0 --out max,puredat": "got 'puredat', perhaps puredata is meant",
-    "live --osc-in :0 --out unity": "--out: expected one of ",
-    "live --zmq-in tcp://127.0.0.1:* --out max=sender": "--out: expected an OSC feed to reply to, got none",
-    "live --osc-in here": "--osc-in: expected HOST:PORT, the port from 0 to 65535, got 'here'",
-    "live --osc-in nohost.invalid:9000": "nohost.invalid:9000: ",
-    "live --zmq-in here": "--zmq-in: expected an address like tcp://127.0.0.1:5556, got 'here'",
-    "live --zmq-in pigeon://here": "pigeon://here: Protocol not supported",
-    "live --sensitivity 1.1": "--sensitivity: expected a share from 0 to 1, got 1.1",
-    "replay squat": "squat: no such file or folder, perhaps squat1Reps is meant",
-    "replay squat1Reps --unit cm": "replay: expected recordings with --asf, --frame-rate, --unit, --joints, --names",
-    "replay squat1Reps --from 60": "expected --from and --to within its ",
-    "replay squat1Reps --from 2 --to 1": "--to: expected more than --from (2), got 1",
-    # Answers that would come in again as frames, wherever they would come in.
-    **{
-        f"live --signature paper --osc-in {host}:{{free}} {out}:{{free}}": f"another place than {host}:{{free}}, where"
-        for host in ("127.0.0.1", "0.0.0.0")  # noqa: S104 - all networks include this machine
-        for out in ("--osc-out 127.0.0.1", "--out max=127.0.0.1", "--out native=sender")
-    },
-    # `--overwrite` is no leave to write over the library that is read or taught.
-    **{
-        f"live --osc-in :0 --overwrite {option} {{sticks}} --record {{sticks}}": "expected a file for each purpose, got"
-        for option in ("--teach", "--library")
-    },
-    **{
-        f"{command} tcp://*:*": f"{command.split()[-1].strip('@')}: expected --keys, --allow-from or --open with tcp://*"
-        for command in ("live --zmq-in", "live --osc-in :0 --teach {folder}/mine.npz --control")
-    },
-    # Not when somebody teaches.
-    "page --port 0 --control tcp://nowhere": "tcp://nowhere: Invalid argument",
-    "replay squat1Reps --listen @tcp://*:*": "--listen: expected --keys, --allow-from or --open with tcp://*:*, which ",
-    # Ports that another program has, which keeps them.
-    **{
-        f"{command} {mark}{{{port}}}": f"{command.split()[-1]} {{{port}}}: another program has this port, perhaps"
-        for command, mark, port in (
-            ("live --osc-in", "", "osc"),
-            ("replay {clip} --osc 127.0.0.1:9 --listen", "", "osc"),
-            ("live --zmq-in", "", "zmq"),
-            ("live --osc-in :0 --zmq-out", "", "zmq"),
-            ("replay {clip} --zmq", "@", "zmq"),
-            ("replay {clip} --osc 127.0.0.1:9 --listen", "@", "zmq"),
-        )
-    },
-    # Recordings that cannot be read, and libraries.
-    **{
-        command.format(path): said
-        for command in (
-            "build {} -o {{made}}",
-            "replay {} --osc 127.0.0.1:9 --speed 50",
-            "evaluate retrieval {} --json",
-        )
-        for path, said in (
-            ("{folder}/nowhere.amc", "{folder}/nowhere.amc: no such file or folder"),
-            ("{empty}", "{empty}: no recording"),
-            ("{fbx}", "{fbx}: expected a recording (.amc"),
-            ("{spoilt}", "amc:8: expected a frame number or a bone"),
-            ("{alone}", "{alone}: no skeleton HDM_bd.asf"),
-        )
-    },
-    **{
-        command.format(path): f"{path}: {said}"
-        for command in ("info {}", "live --osc-in :0 --library {}", "build {} -o {{made}}")
-        for path, said in (
-            ("{cut}", ""),
-            ("{changed}", ""),
-            ("{folder}/gone.npz", "No such file or directory"),
-            ("{folder}.npz", "Is a directory"),
-        )
-    },
-    # Memory is compared with --max-memory before it is taken.
-    **{
-        f"--max-memory 10kB info {path}": "expected at most 0 MB once it is read, got 0 MB; kinespace --max-memory"
-        for path in ("{clip}", "{sticks}")
-    },
-    # What never ends, or never begins, is refused before it is read.
-    **{
-        command.format(path): f"{path}: expected a file, got a pipe or a device"
-        for kind in ("pipe", "device")
-        for command, ending in (
-            *(("info {}", ending) for ending in ("bvh", "c3d", "trc", "csv", "npz", "kinerec")),
-            ("info {{clip}} --asf {}", "asf"),
-            ("info {{clip}} --names {}", "toml"),
-            ("build {{clip}} --labels {} -o {{made}}", "csv"),
-            ("feeds {}", "toml"),
-            ("replay {} --osc 127.0.0.1:9", "kinerec"),
-            ("live --osc-in :0 --library {}", "npz"),
-            ("live --osc-in :0 --teach {}", "npz"),
-            ("evaluate stream --takes {}", "csv"),
-        )
-        for path in (f"{{{kind}}}.{ending}",)
-    },
-    # Files that are there, parts that are not, and conversions that cannot be.
-    "build {folder}/nowhere.amc -o {sticks}": "{sticks}: exists already; --overwrite writes over it",
-    "record {tape} --osc-in :0": "{tape}: exists already; --overwrite writes over it",
-    "live --osc-in :0 --record {tape}": "{tape}: exists already; --overwrite writes over it",
-    **{
-        f"replay {{tape}} --osc 127.0.0.1:9 {part}": "{tape}: expected --from and --to within its 1.25 s"
-        for part in ("--from 2", "--from 0.3 --to 0.4", "--from 2 --loop")
-    },
-    "replay {torn} --osc 127.0.0.1:9 --from 2": "within its 1.00 s; {torn}: byte",
-    "replay {none} --osc 127.0.0.1:9": "{none}: no packets in it",
-    **{
-        f"{command} {{none}}": "{none}: expected a performer with at least 2 frames, got none"
-        for command in ("build -o a.npz", "cut")
-    },
-    "convert {tape} -o a.txt": "a.txt: expected a file that ends in .npz or .csv",
-    "convert {tape} -o a.csv": "{tape}: expected --performer, one of ann, bob",
-    "convert {tape} -o a.csv --performer eve": "{tape}: no frame of 'eve' in it",
-    "convert {folder} -o a.csv": "a.csv: expected a folder for several files",
-    **{
-        f"build {{sticks}} -o {{made}} {change}": said
-        for change, said in {
-            "--without zz": "--without: expected a class or a person (bow, jump, wave, aa, bb), got 'zz'",
-            "--without aa,bb": "motions: expected at least one, got none",
-            "--rename zz=bow": "--rename: expected a class (bow, jump, wave), got 'zz'",
-            "--without bow --rename bow=bend": "--rename: expected a class (bow, jump, wave) that stays, got 'bow'",
-            "--rename bow=nothing jump=nothing --rename wave=nothing": "expected some of another class than 'nothing'",
-        }.items()
-    },
-}
+REFUSED = tomllib.loads(Path(__file__).with_name("refused.toml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")

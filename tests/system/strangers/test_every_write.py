@@ -32,19 +32,17 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
 #: What makes each program start processes or threads, and import what it needs, and a line after which it is ended; the
 #: others show their options.
 ARGUMENTS = {
-    "live": (
-        "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
-        "listening on(.|\n)*WebSocket",
-    ),
-    "record": ("a.kinerec --osc-in 127.0.0.1:0", "recording"),
-    "demo": ("squat1Reps", ""),
-    "listen": ("127.0.0.1:0 --seconds 0.5", ""),
-    "latency": ("--transport osc --seconds 0.5", ""),
-    "info": ("", ""),
-    "feeds": ("", ""),
-    "keys": ("ann", ""),
-    "examples": ("", ""),
+    "live": "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
+    "record": "a.kinerec --osc-in 127.0.0.1:0",
+    "demo": "squat1Reps",
+    "listen": "127.0.0.1:0 --seconds 0.5",
+    "latency": "--transport osc --seconds 0.5",
+    "info": "",
+    "feeds": "",
+    "keys": "ann",
+    "examples": "",
 }
+SAID = {"live": "listening on(.|\n)*WebSocket", "record": "recording"}
 
 
 @pytest.mark.slow
@@ -57,10 +55,9 @@ def test_nothing_of_the_current_folder_runs(program: str, tmp_path: Path) -> Non
         text = f"open({str(ran)!r}, 'a').write({name!r} + ' ')\nraise SystemExit('ran')\n"
         (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
     command = [Path(sys.executable).with_name("kinespace")]
-    arguments, said = ARGUMENTS.get(program, ("--help", ""))
-    with started(program, *arguments.split(), at=tmp_path, begins=command) as running:
-        if said:
-            running.expect(said)
+    with started(program, *ARGUMENTS.get(program, "--help").split(), at=tmp_path, begins=command) as running:
+        if program in SAID:
+            running.expect(SAID[program])
             running.interrupt()
         # On a machine without an extra a program says so.
         assert running.wait() in (0, 1, 2)

@@ -20,7 +20,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from golden import moments
-from programs import REMARK
+from programs import REMARK, ROOT
 from synthetic import stick_clips
 from written import written
 
@@ -44,15 +44,6 @@ FILES = int(os.environ.get("FILES", "400"))
 LONGEST, MOST = 20.0, 150
 _TABLE = "time\t" + "\t".join(f"{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz")
 _TABLE += "".join(f"\n{moment / 100}" + "\t0.5\t0.7\t0.9" * 3 for moment in range(6))
-#: A layout of one's own, with everything that may stand in one.
-FILMS = """title = "films"
-port = 7000
-[[message]]
-when = "start"
-class = "jump"
-address = "/{performer}/{number}/connect"
-arguments = [1, "{score:.2f} x", 0.5]
-"""
 #: Words that mean something to some reader, or should not.
 TELLING = (
     *(b"", b"\0", b"nan", b"-1", b"1e999", b"9" * 5000, b"[" * 3000, b"x" * 70_000, b"\n", b"\r", b"\t"),
@@ -183,7 +174,7 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]
         lambda path: ["info", "take.bvh", "--names", str(path), "--json"],
     ),
     "preset": (_text("preset.toml", builtin_preset("vmc").text), lambda path: ["feeds", str(path)]),
-    "layout": (_text("films.toml", FILMS), _laid_out),
+    "layout": (_text("films.toml", (ROOT / "tests" / "support" / "films.toml").read_text(encoding="utf-8")), _laid_out),
     "public key": (_own_keys("ann.key"), _with_keys),
     "secret key": (_own_keys("ann.key_secret"), _with_keys),
     "opened windows": (_windows, _remembered),

@@ -68,19 +68,8 @@ def _installed(commit: str, folder: Path) -> Path:
     archive = _called(["git", "-C", f"{_HERE}", "archive", f"{commit}^{{commit}}"])
     with tarfile.open(fileobj=BytesIO(archive)) as files:
         files.extractall(sources, filter="data")
-    _called(
-        [
-            sys.executable,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--no-deps",
-            "--target",
-            f"{folder / 'packages'}",
-            f"{sources}",
-        ]
-    )
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps"]
+    _called([*pip, "--target", f"{folder / 'packages'}", f"{sources}"])
     return folder / "packages"
 
 

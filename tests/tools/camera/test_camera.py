@@ -15,7 +15,7 @@ import naive_camera
 import numpy as np
 import pytest
 from films import grey
-from programs import LOOPBACK, finished, free_udp_port, live
+from programs import LOOPBACK, finished, free_udp_port, live, until
 
 from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS
@@ -390,10 +390,6 @@ def test_cameras_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.Monke
         film.Film("0", _never, paced=True)
 
 
-#: Seconds in which Ctrl-C must have ended a program, on a machine that has other work too.
-_ENDING = 60.0
-
-
 def test_joints_outside_of_the_picture_are_absent() -> None:
     """Others are where the network says, y up; presence below a half counts as outside."""
     places = np.tile([[320.0, 180.0, 0.0]], (33, 1))
@@ -467,12 +463,9 @@ def test_one_command_watches_recognises_and_ends(demo_film: Path) -> None:
         program.expect("performer camera|camera  ")
         children = _children(program.process.pid)
         assert children
-        begun = time.monotonic()
         program.process.kill()
         program.wait()
-        while any(map(_is_there, children)):
-            time.sleep(0.02)
-            assert time.monotonic() - begun < _ENDING
+        until(lambda: not any(map(_is_there, children)))
 
 
 def _children(parent: int) -> list[int]:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import ROOT
 
-from kinespace.tools.cli.main import PROGRAMS, main
+from kinespace.tools.cli.main import main
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
 
@@ -30,15 +30,6 @@ def test_the_command_tells_its_version() -> None:
     command = Path(sys.executable).with_name("kinespace")
     done = subprocess.run([command, "--version"], capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"kinespace {version('kinespace')}\n", "")
-
-
-def test_help_lists_every_program(capsys: pytest.CaptureFixture[str]) -> None:
-    """`kinespace --help` ends with 0 and names every program with a line of its own."""
-    with pytest.raises(SystemExit) as ended:
-        main(["--help"])
-    assert ended.value.code == 0
-    first_words = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("    ")}
-    assert set(PROGRAMS) <= first_words
 
 
 @pytest.mark.parametrize(
@@ -82,8 +73,6 @@ def test_a_closed_output_ends_the_program_quietly() -> None:
     """When the reader of our output goes away, the program ends with 1 and an empty standard error."""
     command = [sys.executable, "-m", "kinespace", "info"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout
-        assert process.stderr
         process.stdout.close()
         assert process.stderr.read() == b""
         assert process.wait(60) == 1
@@ -106,13 +95,9 @@ def test_blas_keeps_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("127.0.0.1:9310", ("127.0.0.1", 9310)),
-        ("0.0.0.0:0", ("0.0.0.0", 0)),  # noqa: S104 - only parsed
-        ("stage.local:65535", ("stage.local", 65535)),
-        ("9310", ("127.0.0.1", 9310)),
-        (":9310", ("127.0.0.1", 9310)),
-        ("[::1]:9310", ("::1", 9310)),
-        ("::1:9310", ("::1", 9310)),
+        *((text, ("127.0.0.1", 9310)) for text in ("127.0.0.1:9310", "9310", ":9310")),
+        *((f"{host}:{port}", (host, port)) for host, port in (("0.0.0.0", 0), ("stage.local", 65535))),  # noqa: S104 - only parsed
+        *((text, ("::1", 9310)) for text in ("[::1]:9310", "::1:9310")),
     ],
 )
 def test_an_address_is_a_host_and_a_port(text: str, expected: tuple[str, int]) -> None:

@@ -52,7 +52,6 @@ def shown(table: LiveTable, width: int = 120) -> str:
     """Draw the table as text."""
     console = Console(file=StringIO(), width=width, markup=False, emoji=False)
     console.print(table.drawn())
-    assert isinstance(console.file, StringIO)
     return console.file.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,50 +25,7 @@ PAGE = (Path(__file__).parents[3] / ".github/docs/json.md").read_text(encoding="
 ROWS = {line.split("|")[1].strip().strip("`"): line for line in PAGE.splitlines() if line.startswith("| `")}
 #: Short runs; `{takes}` is a folder of takes by three persons, `{clips}` one of clips named as HDM05's. The built-in
 #: library has few motions. What each prints for a person, beside its figures.
-RUNS = {
-    "stream": ("stream {takes} --protocol leave-one-take-out", "known motions: 9 s, 6 segments, persons not known"),
-    "stream by person": ("stream {takes} --protocol one-person --actor-in name", "By person (one-person)"),
-    "faults": (
-        "faults {takes} --protocol leave-one-take-out --fault none,half the frames dropped",
-        "10 s, 7 segments, persons not known; last second inside the segment",
-    ),
-    "teach": ("teach --draws 1 --examples 1 --teachers bd", "1 person, 1 draw each"),
-    "gestures": ("gestures", ""),
-    "show": ("show --shows 1 --minutes 0.5 --gestures 2", "1 show; "),
-    "done": (
-        "done {takes} --protocol leave-one-take-out --promises --false-alarms 60/h",
-        "6 motions, 0 takes with a motion",
-    ),
-    "progress": ("progress --every 9", ""),
-    "peers": ("peers --alone", "18 motions of 3 classes; each of 3 persons left out"),
-    "retrieval": ("retrieval {clips} --protocol split", "12 motions of 3 classes by 2 persons"),
-    "retrieval of takes": ("retrieval {takes} --actor-in name", "7 motions of 4 classes by 3 persons"),
-}
-#: What is refused, in one line.
-REFUSED = {
-    "stream --protocol library": "expected takes with --protocol library, got none",
-    "stream {takes}": "joint",
-    "stream {takes}/ann_01.amc --protocol leave-one-take-out": "expected at least two labelled takes, got 1",
-    "stream {takes} --protocol one-person": "expected a name with the actor in it, as HDM05's have; --actor-in",
-    "stream {takes} --protocol leave-one-take-out --map fly=clap": "--map: expected a label of the takes",
-    "stream {takes} --protocol leave-one-take-out --window 1": "--window: expected --signature paper",
-    "stream {clips} --skeleton octopus": "--skeleton: expected one of",
-    "stream {clips} --answers {clips}/no/x.csv": "no: No such file or directory",
-    "stream {takes} --protocol leave-one-take-out --answers x.eaf": "expected one take in a file of ELAN, got 3",
-    "stream {takes} --protocol leave-one-take-out --answers {takes}/ann_01.amc": "it is read with",
-    "stream {takes}/ann_01.amc --segments {takes}/ann_01.csv": "it is read with",
-    "peers {clips} --map bendLeft=bendRight raiseBoth=bendRight --alone": "two classes or more, got bendRight",
-    "peers {takes}": "expected motions of two persons or more, got none",
-    "faults --protocol library": "expected takes with --protocol library, got none",
-    "faults {takes} --protocol leave-one-take-out --sensitivity 0.1 --signature paper": "--sensitivity: expected",
-    "teach --teachers bd nobody": "--teachers: expected some of bd, dg, mm, got 'nobody'",
-    "gestures {takes} --taught-by next": "--taught-by next: expected takes of several persons, got 1; --actor-in",
-    "show --gestures 9": "--gestures: expected at most 3, of which bd has more than 1 motions, got 9",
-    "show --movement {takes}": "joints: expected at least 5",
-    "retrieval {takes} --protocol split": "ann_01: expected a name with the actor in it",
-    "retrieval {clips}/bendLeft": "FOLDER: expected motions of two classes or more, got 4 of bendLeft: a class is in",
-    "retrieval /absent": "no such file or folder",
-}
+RUNS, REFUSED = tomllib.loads(Path(__file__).with_name("experiments.toml").read_text(encoding="utf-8")).values()
 
 
 @pytest.fixture(scope="module")
@@ -157,9 +115,8 @@ def test_answers_and_segments_are_tables(folders: dict[str, Path], tmp_path: Pat
         assert [float(row[f"score {name}"]) for name in answer.classes] == pytest.approx(answer.scores, abs=1e-6)
     assert {row["truth"] for row in rows} >= {"clap", "hail", "row"}
     right = [row["truth"] == row["guess"] for row in own if row["truth"]]
-    assert [(each["performed"], each["person"]) for each in table[:3]] == [
-        (name, "ann") for name in ("clap", "hail", "row")
-    ]
+    performed = [(each["performed"], each["person"]) for each in table[:3]]
+    assert performed == [("clap", "ann"), ("hail", "ann"), ("row", "ann")]
     ours = [float(each["right"]) for each in table if each["take"] == played.name]
     assert np.mean(ours) == pytest.approx(np.mean(right), abs=0.1)
 

@@ -1,4 +1,3 @@
-import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -49,21 +48,15 @@ def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Motions of two persons as takes: squats are known, sneaking is not."""
     folder = tmp_path_factory.mktemp("takes")
     library = MotionLibrary.builtin()
-    rows = []
+    table = "file,subject,contains,perhaps\n"
     for name, contains in (("squat1Reps", "squat1Reps"), ("sneak2StepsLStart", "")):
         for actor in ("mm", "tr"):
             clip = next(each for each in library.motions if (each.class_name, each.actor) == (name, actor))
-            path = folder / f"{name}_{actor}.trc"
-            path.write_text(
-                trc_text(clip.skeleton.joints, clip.positions, rate=clip.frame_rate, unit="m"), encoding="utf-8"
-            )
-            rows.append({"file": path.name, "subject": actor, "contains": contains, "perhaps": ""})
-    table = folder / "takes.csv"
-    with table.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ["file", "subject", "contains", "perhaps"])
-        writer.writeheader()
-        writer.writerows(rows)
-    return table
+            text = trc_text(clip.skeleton.joints, clip.positions, rate=clip.frame_rate, unit="m")
+            (folder / f"{name}_{actor}.trc").write_text(text, encoding="utf-8")
+            table += f"{name}_{actor}.trc,{actor},{contains},\n"
+    (folder / "takes.csv").write_text(table, encoding="utf-8")
+    return folder / "takes.csv"
 
 
 def test_a_library_of_one_person_is_taught_by_its_other_motions(

@@ -8,43 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinespace.library import Clip, MotionLibrary, distance_rows
-from kinespace.tools.evaluation.evaluate_retrieval import (
-    Labels,
-    Protocol,
-    Retrieval,
-    SignatureKind,
-    Space,
-    candidates,
-    retrieve,
-    signatures_of,
-)
+from kinespace.library import Clip, distance_rows
+from kinespace.tools.evaluation import evaluate_retrieval as paper
+from kinespace.tools.evaluation.evaluate_retrieval import Labels, Protocol, candidates, retrieve
 
 
-@pytest.fixture(scope="module")
-def labels(builtin: MotionLibrary) -> Labels:
-    """Give the labels of the 288 built-in motions."""
-    return Labels.of_clips(builtin.motions)
-
-
-def _assert_as_tallied(found: Retrieval, scores: np.ndarray, labels: Labels, protocol: Protocol) -> None:
-    """Compare an outcome with the counts of loops and sorted lists."""
-    tally = naive.retrieval(scores, labels.classes.tolist(), labels.actors.tolist(), protocol)
-    assert len(found.asking) == len(tally)
-    assert (found.nearest, found.shares["two_nearest"].value()) == pytest.approx(tuple(np.mean(tally, axis=0)))
-
-
-@pytest.mark.parametrize("space", list(Space))
-def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: Space) -> None:
+@pytest.mark.parametrize("space", list(paper.Space))
+def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: paper.Space) -> None:
     """In each space a motion's axis is the first of the SVD of its numbers, centred or raw, whatever its sign."""
     generator = np.random.default_rng(3)
     turning = [replace(clip, rotations=generator.normal(size=(clip.frames, 59))) for clip in some_clips[:4]]
-    ways = (signatures_of(turning, space, kind) for kind in SignatureKind)
+    ways = (paper.signatures_of(turning, space, kind) for kind in paper.SignatureKind)
     for clip, axis, raw in zip(turning, *ways, strict=True):
         numbers = {
-            Space.DISTANCES: distance_rows(clip.positions, clip.skeleton),
-            Space.POSITIONS: clip.positions.reshape(clip.frames, 93),
-            Space.ROTATIONS: clip.rotations,
+            paper.Space.DISTANCES: distance_rows(clip.positions, clip.skeleton),
+            paper.Space.POSITIONS: clip.positions.reshape(clip.frames, 93),
+            paper.Space.ROTATIONS: clip.rotations,
         }
         _, expected = naive.first_axis_by_svd(numbers[space])
         assert abs(axis @ expected) == pytest.approx(1.0, abs=1e-9)
@@ -58,7 +37,10 @@ def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Prot
     scores = generator.integers(0, 5, size=(motions, motions)) / 4.0
     actors = np.array(["bd", "bk", "tr", *generator.choice(["bd", "bk", "tr"], motions - 3)])
     labels = Labels(generator.choice(["bow", "jump", "wave"], motions), actors)
-    _assert_as_tallied(retrieve(scores, labels, candidates(labels, protocol)), scores, labels, protocol)
+    found = retrieve(scores, labels, candidates(labels, protocol))
+    tally = naive.retrieval(scores, labels.classes.tolist(), actors.tolist(), protocol)
+    assert len(found.asking) == len(tally)
+    assert (found.nearest, found.shares["two_nearest"].value()) == pytest.approx(tuple(np.mean(tally, axis=0)))
 
 
 @pytest.mark.parametrize("protocol", [Protocol.ACTOR_HELD_OUT, Protocol.SPLIT])

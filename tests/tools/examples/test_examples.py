@@ -16,22 +16,12 @@ from golden import message
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
 
 from kinespace.library.naming import Naming, hdm05
-from kinespace.stream import (
-    Announcement,
-    Done,
-    Event,
-    EventKind,
-    Frame,
-    Outcome,
-    Progress,
-    Recognition,
-    Recognizer,
-    osc,
-)
+from kinespace.stream import Announcement, Event, EventKind, Frame, Outcome, Progress, Recognition, Recognizer, osc
 from kinespace.stream.feeds import builtin_preset, load_preset
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.outputs import NativeLayout
 from kinespace.stream.outputs.layouts import WrittenLayout
+from kinespace.stream.recognition import Done
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 
@@ -58,57 +48,8 @@ def test_the_squat_is_named_by_default() -> None:
     assert [(event.kind, event.label) for each in answers for event in each.events] == [(EventKind.START, SQUAT)]
 
 
-#: Runs Pure Data until the patch prints that it has sent all: Pure Data has no option to leave then.
-_PD = """
-import subprocess, sys
-command = [sys.argv[1], "-nogui", "-noaudio", "-stderr", *sys.argv[2:]]
-with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as pd:
-    for line in pd.stderr:
-        print(line, end="")
-        if line.startswith("done"):
-            pd.kill()
-"""
-#: Starts the listener, waits until it has its port, runs the sender, and ends the listener once it has told a start and
-#: a class.
-_PYTHON = """
-import socket, subprocess, sys, time
-listens, answers = sys.argv[1:]
-listening = [sys.executable, "-u", "python_listen.py", answers]
-with subprocess.Popen(listening, stdout=subprocess.PIPE, text=True) as listener:
-    while True:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("127.0.0.1", int(answers)))
-            except OSError:
-                break
-        time.sleep(0.05)
-    subprocess.run([sys.executable, "python_send.py", listens, "2"], check=True)
-    told = ""
-    while " starts" not in told or "python: squat1Reps\\n" not in told:
-        line = listener.stdout.readline()
-        assert line, told
-        told += line
-    print(told)
-    listener.terminate()
-"""
-_SENDS = [part for each in ("listens {listens}", "answers {answers}", "times 2") for part in ("-send", each)]
 #: By the program that must be there: how its example is run, the layout of the answers, and what it prints.
-LANGUAGES = {
-    # It leaves half a second after the last frame.
-    "pd": (
-        [sys.executable, "-c", _PD, "pd", *_SENDS, "puredata.pd"],
-        "puredata",
-        [f"label: {SQUAT}", f"event: start {SQUAT}"],
-    ),
-    # It meets no type that node-osc does not know.
-    "node": (["node", "node.mjs", "{listens}", "{answers}", "2"], "native", [f"node: {SQUAT}\n", f"{SQUAT} starts at"]),
-    "sclang": (["sclang", "-u", "{answers}", "supercollider.scd", "{listens}", "2"], "supercollider", [f"sc: {SQUAT}"]),
-    "python": (
-        [sys.executable, "-c", _PYTHON, "{listens}", "{answers}"],
-        "native",
-        [f"python: {SQUAT}", f"python: {SQUAT} starts"],
-    ),
-}
+LANGUAGES = tomllib.loads(Path(__file__).with_name("languages.toml").read_text(encoding="utf-8"))
 
 
 @pytest.mark.slow
@@ -124,13 +65,13 @@ def test_an_example_gets_its_class(language: str, tmp_path: Path) -> None:
         if modules is None:
             pytest.skip("node-osc is not installed: npm install node-osc")
         (tmp_path / "node_modules").symlink_to(modules)
-    run, layout, expected = LANGUAGES[language]
+    layout, expected, run = LANGUAGES[language].values()
     listens, answers = free_udp_port(), free_udp_port()
     options = ("--osc-in", f"{LOOPBACK}:{listens}", "--out", f"{layout}={LOOPBACK}:{answers}", "--signature", "paper")
     with started("live", *options, "--plain") as program:
         program.expect("listening on")
         ran = subprocess.run(
-            [each.format(listens=listens, answers=answers) for each in run],
+            [each.format(python=sys.executable, listens=listens, answers=answers) for each in run],
             cwd=tmp_path / "examples",
             # As root Qt's browser refuses to start.
             env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "QTWEBENGINE_DISABLE_SANDBOX": "1"},
@@ -175,13 +116,11 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
 def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     """`kinespace examples` lists every file, prints one as it is, and says which names there are."""
     assert main(["examples"]) == 0
-    listed = capsys.readouterr().out.splitlines()
-    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(listed)
+    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(capsys.readouterr().out.splitlines())
     assert main(["examples", "node.mjs"]) == 0
     assert capsys.readouterr().out == (EXAMPLES / "node.mjs").read_text(encoding="utf-8")
     assert main(["examples", "node"]) == 2
-    error = capsys.readouterr().err
-    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in error
+    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in capsys.readouterr().err
 
 
 PACKAGE = ROOT / "tools" / "examples" / "unity"
@@ -243,12 +182,8 @@ def test_a_humanoid_is_sent_and_its_motions_are_heard(tmp_path: Path) -> None:
     for number, frame in enumerate(frames, start=1):
         assert (frame.performer, frame.time) == (PERFORMER, 0.25 + (number - 1) / 64)
         np.testing.assert_array_equal(frame.positions, places)
-    assert printed.splitlines() == [
-        f"started {CLASSES[1]}",
-        f"ended {CLASSES[1]}",
-        f"done {CLASSES[1]}",
-        f"label {CLASSES[1]} phase 0.5 speed 1.25 amplitude 0.75",
-    ]
+    told = [f"{what} {CLASSES[1]}" for what in ("started", "ended", "done", "label")]
+    assert printed.splitlines() == [*told[:3], f"{told[3]} phase 0.5 speed 1.25 amplitude 0.75"]
 
 
 def test_the_package_is_whole() -> None:

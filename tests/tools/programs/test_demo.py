@@ -3,10 +3,8 @@
 import json
 import math
 from functools import partial
-from io import StringIO
 
 import pytest
-from rich.console import Console
 
 from kinespace.library import MotionLibrary
 from kinespace.tools.cli.main import main
@@ -57,18 +55,3 @@ def test_a_recogniser_that_knows_other_names_is_not_right(
     )
     assert main(["demo", "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == {"played": 2, "answered": 0, "right": 0, "late": 0, "p99_ms": None}
-
-
-@pytest.mark.usefixtures("small")
-def test_on_a_terminal_the_table_fills_while_it_plays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A terminal gets the table again and again: first without answers, at the end with all of them."""
-    terminal = Console(file=StringIO(), force_terminal=True, width=100, markup=False)
-    monkeypatch.setattr(demo, "console", terminal)
-    assert main(["demo", "--transport", "zmq"]) == 0
-    assert isinstance(terminal.file, StringIO)
-    printed = terminal.file.getvalue()
-    drawn = printed.split("Motions of the built-in library")
-    assert len(drawn) > 5
-    assert drawn[1].count(CLASSES[1]) == 1
-    assert drawn[-1].count(CLASSES[1]) == 2
-    assert "over ZMQ" in printed

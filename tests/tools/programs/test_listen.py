@@ -1,16 +1,14 @@
 """`kinespace listen`: every feed is recognised by its packets, and its mistakes are named."""
 
 import json
-import socket
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import subprocess
+from contextlib import closing, suppress
 from itertools import cycle
 
 import numpy as np
 import pytest
 from golden import LAYOUTS, bundle, message, moments
-from programs import LOOPBACK, finished, free_udp_port, ghost_cues
+from programs import LOOPBACK, free_udp_port, ghost_cues, started
 from skeletons import names_of
 
 from kinespace.stream import Announcement, Frame, osc
@@ -76,37 +74,22 @@ def test_silence_and_foreign_packets_have_messages() -> None:
     assert advice(survey, None, None)[-1].startswith("no known feed")
 
 
-@contextmanager
-def sending(layout: str, port: int) -> Iterator[None]:
-    """Send frames of a layout over and over while the block runs."""
-    over = threading.Event()
-    positions = cycle([cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]])
-
-    def send() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            for _, packets in moments(layout, positions):
-                for packet in packets:
-                    sender.sendto(packet, (LOOPBACK, port))
-                if over.wait(1 / 30):
-                    return
-
-    thread = threading.Thread(target=send)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
 @pytest.mark.slow
 def test_the_program_gives_json() -> None:
-    """One object with the feed, its joints and every kind of message."""
-    port = free_udp_port()
-    with sending("qtm", port):
-        status, output, errors = finished("listen", port, "--seconds", 1.5, "--json")
-    report = json.loads(output)
-    assert (status, errors) == (0, "")
+    """One object with the feed, its joints and every kind of message; packets come until it ends."""
+    port, positions = free_udp_port(), cycle([cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]])
+    with (
+        started("listen", port, "--seconds", 1.5, "--json") as program,
+        closing(osc.OscSender(LOOPBACK, port)) as sender,
+    ):
+        for _, packets in moments("qtm", positions):
+            for packet in packets:
+                sender.send(packet)
+            with suppress(subprocess.TimeoutExpired):
+                program.process.wait(1 / 30)
+                break
+        assert (program.wait(), program.errors) == (0, "")
+        report = json.loads(program.output)
     assert (report["feed"], report["performers"], report["missing"]) == ("qtm", ["Jan"], [])
     # On a busy machine the sender may pause.
     assert [line for line in report["advice"] if "nothing for" not in line] == []

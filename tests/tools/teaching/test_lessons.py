@@ -82,13 +82,10 @@ def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
 
 def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Sequence[int] = range(31)) -> list[str]:
     """Show a motion between stillnesses by some joints; give the classes that started."""
-    motion = [each for each in MotionLibrary.builtin().motions if each.class_name == class_name and each.actor == "bd"][
-        take
-    ]
-    frames = [*[motion.positions[0]] * 60, *motion.positions, *[motion.positions[-1]] * 60]
-    answers = [
-        stage.push(Frame("ann", begin + place / 60, positions[joints])) for place, positions in enumerate(frames)
-    ]
+    own = [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, "bd")]
+    motion = own[take].positions
+    shown = [each[joints] for each in (*[motion[0]] * 60, *motion, *[motion[-1]] * 60)]
+    answers = [stage.push(Frame("ann", begin + place / 60, each)) for place, each in enumerate(shown)]
     return [event.label for each in answers if each for event in each.events if event.kind == "start"]
 
 
@@ -270,7 +267,6 @@ def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, li
         (commands.Teach("nobody", "wave"), "no such performer is there"),
     ):
         (state,) = stage.command(command)
-        assert isinstance(state, State)
         assert state.step is Step.REFUSED
         assert state.reason.startswith(told)
 
@@ -307,13 +303,8 @@ def test_the_commands_of_keys() -> None:
     assert keys.command_of("a") == commands.Teach("", "motion 2")
     held = [keys.command_of("h") for _ in range(2)]
     assert held == [commands.Hold("", "motion 3"), commands.Hold("", "motion 3", on=False)]
-    assert [keys.command_of(key) for key in "ynmu?9"] == [
-        commands.Right(),
-        commands.Wrong(),
-        commands.Teach("", "nothing"),
-        commands.Undo(),
-        *(None, None),
-    ]
+    asked = [commands.Right(), commands.Wrong(), commands.Teach("", "nothing"), commands.Undo(), None, None]
+    assert [keys.command_of(key) for key in "ynmu?9"] == asked
     assert keys.command_of("2") is None
     assert shown.hint.startswith("bob is taught")
     assert keys.command_of("n") == commands.Wrong("bob")

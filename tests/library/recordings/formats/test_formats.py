@@ -9,7 +9,7 @@ import naive
 import numpy as np
 import pytest
 from synthetic import ARM, TinyBody, TinyBone, amc_text, arm_frames, write_pair
-from written import MOVES, TURNS, Node, bvh_text, csv_table
+from written import MOVES, TURNS, Node, bvh_text
 
 from kinespace.library import Clip
 from kinespace.library.distances import distance_rows
@@ -119,21 +119,6 @@ def test_the_skeleton_is_found_by_name(
 # --- BVH ---------------------------------------------------------------------------------------------------------
 
 
-def stand(folder: Path, upper: tuple[str, ...], *frames: list[float]) -> np.ndarray:
-    """Give where a root, an arm of two metres along x and its tip stand in the frames of a BVH."""
-    tip = Node("upper_end", (2.0, 0.0, 0.0))
-    root = Node("hip", (0.0, 0.0, 0.0), (*MOVES, *TURNS), [Node("upper", (0.0, 1.0, 0.0), upper, [tip])])
-    (folder / "tiny.bvh").write_text(bvh_text(root, frames))
-    return bvh.forward_kinematics(bvh.read_bvh(folder / "tiny.bvh"))
-
-
-def test_position_channels_stand_in_place_of_the_offset(tmp_path: Path) -> None:
-    """A joint's position channels replace its offset; if they are 0 in the whole file the offset stays."""
-    channels = (*MOVES, *TURNS)
-    assert stand(tmp_path, channels, [*STILL, 3.0, *[0.0] * 5], [0.0] * 12)[:, 1].tolist() == [[3, 0, 0], [0, 0, 0]]
-    assert stand(tmp_path, channels, [0.0] * 12)[0].tolist() == [[0, 0, 0], [0, 1, 0], [2, 1, 0]]
-
-
 def test_joints_that_always_coincide_are_one(tmp_path: Path) -> None:
     """A joint at its parent's place, or a sister's, is left out; its children move to the joint that stays."""
     left = Node("left", (0.0, 1.0, 0.0), TURNS, [Node("left_end", (1.0, 0.0, 0.0))])
@@ -217,15 +202,6 @@ def test_a_gap_is_listed(tmp_path: Path) -> None:
     clip = table(tmp_path, "time,a_x,a_y,a_z,b_x,b_y,b_z\n" + rows)
     assert clip.gaps == (pytest.approx((0.45, 2.45)),)
     assert clip.positions[30, 0, 0] == pytest.approx(0.45)
-
-
-def test_tables_labels_and_libraries_are_told_apart(tmp_path: Path) -> None:
-    """A table of joints is told from a labels file and from a motion library."""
-    (tmp_path / "a.csv").write_text(csv_table(("a", "b"), WALK[:, :2]))
-    (tmp_path / "b.csv").write_text("start_s,end_s\n")
-    np.savez(tmp_path / "library.npz", header=np.zeros(3))
-    names = ("a.csv", "b.csv", "library.npz")
-    assert [joint_table.is_joint_table(tmp_path / name) for name in names] == [True, False, False]
 
 
 # --- the parts ---------------------------------------------------------------------------------------------------

@@ -15,15 +15,7 @@ from hypothesis import strategies as st
 from synthetic import stick_clip
 
 from kinespace.library.clip import Clip
-from kinespace.library.recordings.formats.labels import (
-    LabelError,
-    Segment,
-    cut,
-    labels_beside,
-    oddities,
-    read_labels,
-    renamed,
-)
+from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
 
 HEADER = "start_s,end_s,label\n"
 
@@ -38,21 +30,14 @@ def _take(frames: int = 100, frame_rate: float = 50.0) -> Clip:
 # --- segments ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("start", "end"),
-    [(1.0, 1.0), (2.0, 1.0), (-0.1, 1.0), (0.0, math.inf), (math.nan, 1.0), (0.0, math.nan), (math.inf, math.inf)],
-)
-def test_a_segment_without_time_is_refused(start: float, end: float) -> None:
-    """A segment that does not end after it starts, starts before 0 or has no finite end is refused."""
-    with pytest.raises(ValueError, match="segment: expected 0 <= start < end, got"):
-        Segment(start, end, "wave")
+_TIMELESS = ((1.0, 1.0), (2.0, 1.0), (-0.1, 1.0), (0.0, math.inf), (math.nan, 1.0), (0.0, math.nan))
 
 
-def test_a_segment_needs_a_label() -> None:
-    """An empty label is refused; a duration is the time between."""
-    with pytest.raises(ValueError, match="label: expected a name"):
-        Segment(0.0, 1.0, "")
-    assert Segment(0.5, 2.0, "wave").duration == pytest.approx(1.5)
+@pytest.mark.parametrize(("start", "end", "label"), [*((*each, "wave") for each in _TIMELESS), (0.0, 1.0, "")])
+def test_a_segment_without_time_or_label_is_refused(start: float, end: float, label: str) -> None:
+    """A segment that does not end after it starts, starts before 0, has no finite end or no label is refused."""
+    with pytest.raises(ValueError, match="segment: expected 0 <= start < end" if label else "label: expected a name"):
+        Segment(start, end, label)
 
 
 # --- reading -----------------------------------------------------------------------------------------------------
@@ -191,12 +176,6 @@ def test_odd_labels_cause_a_remark() -> None:
     beyond, tiny = oddities(take, [Segment(0.0, 0.2, "bow"), Segment(1.5, 2.5, "wave"), Segment(7.0, 8.5, "bow")])
     assert beyond == "evening: 2 of 3 labels reach beyond the take (0.0 to 2.0 s): 1 shortened, 1 left out"
     assert tiny == "evening: 1 of 3 labels are shorter than 0.25 s, too short for any window"
-
-
-def test_renaming_leaves_other_labels() -> None:
-    """Labels that are in the names are replaced, others and all times stay."""
-    segments = (Segment(0.0, 1.0, "bow"), Segment(1.0, 2.0, "wave"))
-    assert renamed(segments, {"bow": "Verbeugung"}) == (Segment(0.0, 1.0, "Verbeugung"), segments[1])
 
 
 # --- cutting -----------------------------------------------------------------------------------------------------

@@ -183,15 +183,15 @@ class Decided(NamedTuple):
         Log distance by which the guess is ahead of all other classes, below 0 while it is held.
     evidence
         The evidence for the guess; None where the comparison does not judge.
-    surplus
-        The averaged evidence above the logit that 1 % of unknown movement has; None likewise.
+    average
+        The averaged evidence, a logit; None likewise.
     """
 
     outcome: Outcome
     guess: str
     lead: float
     evidence: Evidence | None
-    surplus: float | None = None
+    average: float | None = None
 
 
 class Decision:
@@ -266,18 +266,18 @@ class Decision:
         index, (signature, distances) = windows.index, seen
         weighing, classes = index.comparison.weighing, index.classes
         guess, lead = self._follow(distances.named, classes, elapsed)
-        known, evidence, surplus = True, None, None
+        known, evidence, average = True, None, None
         if weighing.judges:
             evidence = Evidence.of(distances.judged, classes.index(guess), noise)
             rejection = index.rejection
             known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
-            surplus = self._judgement.average - rejection.thresholds.item(0)
+            average = self._judgement.average
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
         if signature.movement < self._stillness:
             outcome = Outcome.STILL
-        return Decided(outcome, guess, lead, evidence, surplus)
+        return Decided(outcome, guess, lead, evidence, average)
 
     def _follow(self, distances: NDArray[np.float64], classes: tuple[str, ...], elapsed: float) -> tuple[str, float]:
         """Let the guess follow the nearest class; give the guess and its lead over all other classes."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.body import Body
+from kinespace.library.windows.rejection import RATES
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
@@ -50,6 +51,9 @@ _ASKED_AGAIN = 0.5
 #: A class that so many persons show starts by its lead: what is unknown to it was learned; few people's classes start
 #: when their course was seen.
 _LEADING_PERSONS = 3
+#: A class's evidence counts above the logit that the first of `rejection.RATES` of unknown movement has; above this one
+#: for few people's classes beside others: those taught what is unknown, and such a class's own motions have less.
+_RATE_BESIDE = RATES.index(0.05)
 _SECOND_THREAD = "a recogniser is used by one thread at a time: expected none, got a second"
 
 
@@ -182,6 +186,7 @@ class Recognizer:
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
         self._by_course = _begun_by_course(index) if self._done else frozenset[str]()
+        self._beside = self._by_course if self._by_course and index.courses.by_people.any() else frozenset[str]()
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
@@ -455,8 +460,9 @@ class Recognizer:
         (signature, found), classes = seen, windows.index.classes
         jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
         decided = self._decision.push(windows, seen, self._smoother.noise, frame.time)
-        if self._done and decided.surplus is not None:
-            self._done.know(frame.time, decided.guess, decided.surplus)
+        if self._done and decided.average is not None:
+            unknown = windows.index.rejection.thresholds.item(_RATE_BESIDE if decided.guess in self._beside else 0)
+            self._done.know(frame.time, decided.guess, decided.average - unknown)
         outcome, distances = decided.outcome, found.named
         if jumped or (self._joints.left_out and windows is self._windows):
             outcome = Outcome.IMPLAUSIBLE

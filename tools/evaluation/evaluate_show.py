@@ -4,7 +4,8 @@ A performer of the built-in library teaches some gestures by few examples each, 
 movement is played, put on the performer's own bones, and every 25 seconds, behind a recording's end, another of the
 performer's motions of these gestures. A word is right from a tenth of a second before such a motion to a second behind
 it (`done`: one and a half), once; every other word is false. Without --movement the motions of the library's other
-classes are the everyday movement.
+classes are the everyday movement. With --beside the gestures are taught beside the built-in library, whose own words
+count neither way.
 """
 
 import argparse
@@ -16,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import NOTHING, Clip, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Outcome, Recognition, Settings
+from kinespace.stream.teaching.examples import Roster, TaughtWindows
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
@@ -49,8 +51,11 @@ class Show(NamedTuple):
         """Match what is said with the gestures."""
         ends, starts = ({each: getattr(each, edge) for each in self.segments} for edge in ("end", "start"))
         since, seconds = {"done": ends, "start": starts}, len(self.positions) / _RATE
-        so_far = right_so_far(answers, ends)
-        return Heard(self.performer, seconds, self.segments, said_in(answers), _SPANS, since, so_far)
+        so_far, gestures = right_so_far(answers, ends), {each.class_name for each in self.examples}
+        said = {
+            kind: [each for each in words if each.class_name in gestures] for kind, words in said_in(answers).items()
+        }
+        return Heard(self.performer, seconds, self.segments, said, _SPANS, since, so_far)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,6 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("--examples", 1, "examples that teach each gesture"),
     ):
         parser.add_argument(option, type=arguments.count, default=usual, metavar="N", help=f"{text} (default {usual})")
+    text = "beside the built-in library, without the gestures' classes and the performer, as `live --teach`"
+    parser.add_argument("--beside", action="store_true", help=text)
     text = "minutes of a show (default %(default)s)"
     parser.add_argument("--minutes", type=arguments.positive, default=10.0, metavar="M", help=text)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of what is drawn (default %(default)s)")
@@ -81,7 +88,7 @@ def run(options: argparse.Namespace) -> None:
     heard, named, answered = list[Heard](), list[int](), list[int]()
     for number in progress(range(options.shows), "Playing", options.shows):
         show = drawn(library, everyday, options, number)
-        answers = played(show, settings)
+        answers = played(show, settings, beside=options.beside)
         heard.append(show.heard(answers))
         named.append(sum(each.outcome is Outcome.NAMED for each in answers))
         answered.append(len(answers))
@@ -92,12 +99,24 @@ def run(options: argparse.Namespace) -> None:
     report(heard, options, title, caption, named=share, shows=options.shows)
 
 
-def played(show: Show, settings: Settings) -> list[Recognition]:
-    """Teach a show's examples, in metrics learned without the performer, and play it."""
-    index = open_taught(MotionLibrary.of_clips(show.examples), {show.performer})
-    positions = show.positions[:, index.library.skeleton.order_from(show.examples[0].skeleton.joints)]
+def played(show: Show, settings: Settings, *, beside: bool = False) -> list[Recognition]:
+    """Teach a show's examples, in metrics learned without the performer, or beside the built-in library; play it."""
+    taught = MotionLibrary.of_clips(show.examples)
+    index = _beside(taught, show.performer) if beside else open_taught(taught, {show.performer})
+    positions = show.positions[:, index.library.skeleton.order_from(taught.skeleton.joints)]
     times = np.arange(len(positions)) / _RATE
     return harness.answers_to(harness.Feed(times, positions, index.library.skeleton), index, settings)
+
+
+def _beside(taught: MotionLibrary, performer: str) -> WindowIndex:
+    """Open taught motions beside the built-in library's other classes and persons; its metrics know all of them."""
+    builtin = opened(MotionLibrary.builtin().restricted_to(taught.skeleton.joints))
+    named = [(each.actor, each.class_name) for each in builtin.library.motions]
+    others = [place for place, (actor, name) in enumerate(named) if actor != performer and name not in taught.classes]
+    index = TaughtWindows(builtin.of_some(others), with_base=True).index_of(Roster.of_library(taught))
+    if index is None:
+        raise ValueError("--beside: expected examples that are long enough for a window, got none")
+    return index
 
 
 def _everyday(options: argparse.Namespace) -> list[Clip]:

@@ -144,6 +144,19 @@ def test_a_show_is_drawn_again_alike(builtin: MotionLibrary) -> None:
         np.testing.assert_allclose(*lengths, atol=0.02)
 
 
+def test_beside_the_library_neither_its_classes_nor_the_performer_teach(
+    builtin: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The show's examples are the only motions of their classes, and of nobody's name; no other is the performer's."""
+    show = evaluate_show.drawn(builtin, [], argparse.Namespace(seed=0, gestures=3, examples=1, minutes=0.1), 0)
+    monkeypatch.setattr(evaluate_show.harness, "answers_to", lambda _, index, __: [*index.library.motions])
+    compared = evaluate_show.played(show, Settings(), beside=True)
+    taught = [each for each in compared if each.class_name in {shown.class_name for shown in show.examples}]
+    assert [(each.actor, each.frames) for each in taught] == [("", each.frames) for each in show.examples]
+    assert {each.class_name for each in compared} == {*builtin.classes}
+    assert {each.actor for each in compared} == {*builtin.actors, ""} - {show.performer}
+
+
 def test_a_peer_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Without the extra the program says what to install."""
     monkeypatch.setitem(sys.modules, "aeon", ModuleType("aeon"))

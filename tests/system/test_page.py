@@ -208,6 +208,16 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     assert " 0" not in page.inner_text("#counters")
     assert "squat" in page.inner_text("#classes").split()
     picture(page, "page-dark.png", folder)
+    until(page, "Object.keys(kinespace.motions).length === 11 && !document.querySelector('#classes canvas').hidden")
+    small = "document.querySelector('#classes canvas').toDataURL()"
+    still = page.evaluate(small)
+    # To people who want no movement a class shows one posture.
+    before = page.evaluate("kinespace.played")
+    until(page, f"kinespace.drawn > {page.evaluate('kinespace.drawn') + 10}")
+    assert (page.evaluate(small), page.evaluate("kinespace.played")) == (still, before)
+    page.emulate_media(reduced_motion="no-preference")
+    until(page, f"{small} !== {still!r}")
+    page.emulate_media(reduced_motion="reduce")
     performer.away = True
     until(page, "document.querySelector('.stage.silent .moment')?.textContent.startsWith('no frames for')")
     until(page, "!kinespace.performers.has('ann')")
@@ -263,6 +273,7 @@ def teaches(page: Page, performer: Performer) -> None:
     until(page, "!('nothing' in kinespace.control.taught)")
     page.click("#teach button:has-text('Right')")
     until(page, "kinespace.control.taught['my squat'] === 2")
+    until(page, "kinespace.motions['my squat'].frames.length > 5")
     teaches_the_past(page, performer)
     # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")

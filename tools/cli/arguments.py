@@ -267,7 +267,7 @@ def _raw(path: Path, feed: str | None) -> Sequence[Clip]:
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the options for the recogniser's settings."""
     signatures, usual = [*map(str, LiveSignature)], str(_DEFAULTS.signature)
-    text = "compare all parts of the signature over several windows, or as the paper does (default %(default)s)"
+    text = "compare all parts of the signature over several windows, or as the paper, centred (default %(default)s)"
     parser.add_argument("--signature", choices=signatures, default=usual, help=text)
     text = (
         "share of unknown motions that may be named, by the library's estimate (default: "

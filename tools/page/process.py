@@ -159,10 +159,13 @@ class PagePlan(Plan):
     ----------
     control
         The ZeroMQ endpoint of the recogniser's control socket; None: pages only look.
+    libraries
+        The files of the motions that may be named.
     """
 
     name = option = "page"
     control: str | None = None
+    libraries: tuple[Path, ...] = ()
 
     def server(self, subscription: Subscription, keyring: Keyring | None) -> Any:  # noqa: ANN401 - as above
         """Make the page's server."""
@@ -174,7 +177,7 @@ class PagePlan(Plan):
             with opening("--control"):
                 to.open(zmq.REQ, keyring=keyring).close()
         control = partial(ask_control, to, keyring) if to else None
-        return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]))
+        return PageServer(subscription, control, Gate.for_host(host_and_port(self.address)[0]), self.libraries)
 
 
 class PageProcess(AbstractContextManager["PageProcess"]):

@@ -17,11 +17,12 @@ import secrets
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib import resources
+from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 from urllib.parse import parse_qs, urlsplit
 
@@ -36,6 +37,7 @@ from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
+from kinespace.tools.cli.arguments import library_at
 from kinespace.tools.cli.console import note
 from kinespace.tools.cli.values import host_and_port, opening, printable
 from kinespace.tools.page.board import Board
@@ -192,6 +194,26 @@ def response(status: int, body: bytes, kind: str, further: Mapping[str, str] | N
     return Response(status, HTTPStatus(status).phrase, Headers({**fields, **_GUARDS, **(further or {})}), body)
 
 
+#: The path of the classes' motions, their pictures a second, and seconds of each, at most.
+MOTIONS = "/motions.json"
+_PICTURES, _MAX_SECONDS = 12, 4
+
+
+def motions_in(libraries: Iterable[Path]) -> bytes:
+    """Encode the names, parents and frames (whole centimetres) of a motion of each class, as JSON."""
+    found = dict[str, dict[str, object]]()
+    for path in libraries:
+        # Nothing was taught yet, or nobody wants a library.
+        with suppress(OSError, ValueError):
+            library = library_at(path)
+            body = {"names": library.skeleton.joints, "parents": library.skeleton.parents}
+            for name, motion in {each.class_name: each for each in library.motions}.items():
+                frames = motion.positions[:: max(round(motion.frame_rate / _PICTURES), 1)][: _PICTURES * _MAX_SECONDS]
+                places = np.rint(100 * frames.reshape(len(frames), -1)).astype(int)
+                found[name] = {**body, "frames": places.tolist()}
+    return msgspec.json.encode(found)
+
+
 #: Seconds between two looks for messages.
 _LOOK = 0.2
 
@@ -329,15 +351,19 @@ class PageServer(ClientServer[_Page]):
         Asks the recogniser's control socket, and gives the reply, None without one; None: pages only look.
     gate
         Decides which browsers may see the page.
+    libraries
+        The files of the motions that may be named.
     """
 
     scheme, client = "http", _Page
     limits = {"max_size": MAX_MESSAGE, "max_queue": 4, "open_timeout": _MAX_OPENING}  # noqa: RUF012 - never changed
 
-    def __init__(self, subscription: Subscription, control: Control | None, gate: Gate) -> None:
+    def __init__(
+        self, subscription: Subscription, control: Control | None, gate: Gate, libraries: Iterable[Path] = ()
+    ) -> None:
         super().__init__(subscription, gate)
         self.board = Board()
-        self._control = control
+        self._control, self._libraries = control, libraries
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
         self._stale = True
@@ -364,8 +390,10 @@ class PageServer(ClientServer[_Page]):
     def answer(self, peer: str, path: str, headers: Mapping[str, str]) -> Response | None:
         """Answer an HTTP request; None goes on to a WebSocket."""
         del peer
-        if response := self._gate.answer(path, headers):
-            return response
+        if path.partition("?")[0] == MOTIONS and self._gate.knows(headers.get("host", "")):
+            return self._gate.checked(path) or response(200, motions_in(self._libraries), "application/json")
+        if refused := self._gate.answer(path, headers):
+            return refused
         return None if len(self._clients) < MAX_PAGES else refusal(503, "too many pages are open")
 
     async def receive(self, connection: ServerConnection, client: _Page) -> None:

@@ -28,6 +28,7 @@ from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status
 from kinespace.stream.zeromq import Keyring
+from kinespace.tools.cli.arguments import BUILT_IN
 from kinespace.tools.cli.console import say
 from kinespace.tools.cli.values import host_and_port, one_of, opening
 from kinespace.tools.page.process import PagePlan, Plan
@@ -165,7 +166,8 @@ class Ends(ExitStack):
             if commands:
                 self.own_controls.append(self._kept(RequestSource(_HERE, (), keyring)))
             control = self.own_controls[0].address if commands else None
-            yield PagePlan(options.page, sender.address, options.keys, control)
+            libraries = tuple(each for each in (options.library or BUILT_IN, options.teach) if each)
+            yield PagePlan(options.page, sender.address, options.keys, control, libraries)
         if options.ws:
             from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import math
 import os
 import signal
 import socket
@@ -10,9 +11,10 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,16 +22,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from programs import PATIENCE, until
+from synthetic import STICK_CLASSES, stick_clips
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Response
 
-from kinespace.library import Skeleton
+from kinespace.library import MotionLibrary, Skeleton
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.messages import encode_body
+from kinespace.tools.cli.arguments import BUILT_IN
 from kinespace.tools.cli.live_table import COUNTERS, counts
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.page.process import PagePlan, PageProcess
@@ -420,6 +424,30 @@ _STATIC = resources.files("kinespace.tools.page") / "static"
 
 def _given(name: str, gate: Gate | None = None) -> Response:
     return (gate or Gate()).answer(f"/{name}", {"host": "localhost:8010"})
+
+
+def test_a_motion_of_each_class_is_given_to_whoever_may_look(tmp_path: Path) -> None:
+    """It has at most twelve pictures a second, of a motion of the class; files that are no library are left out."""
+    MotionLibrary.of_clips(stick_clips()).save(tmp_path / "mine.npz")
+    published, files = Published(), (tmp_path / "none", BUILT_IN, tmp_path / "mine.npz")
+    with closing(published):
+        server = PageServer(published, None, Gate("secret"), files)  # type: ignore[arg-type]  # a stand-in
+
+        def asked(query: str, host: str) -> Response:
+            given = server.answer("", f"/motions.json{query}", {"host": host})
+            assert given is not None
+            return given
+
+        given = asked("?token=secret", "127.0.0.1:8010")
+        assert (given.status_code, given.headers["Content-Type"]) == (200, "application/json")
+        assert asked("", "127.0.0.1:8010").status_code == 401
+        assert asked("?token=secret", "elsewhere.example").status_code == 403
+    motions = json.loads(given.body)
+    assert [*motions] == [*MotionLibrary.builtin().classes, *STICK_CLASSES]
+    length = [len(each.positions) for each in MotionLibrary.builtin().motions if each.class_name == "grabHighR"][-1]
+    frames = np.array(motions["grabHighR"]["frames"])
+    assert frames.shape == (min(math.ceil(length / 5), 48), 93)
+    assert 100 < np.ptp(frames[0, 1::3]) < 250
 
 
 def test_everything_that_is_given_is_guarded() -> None:

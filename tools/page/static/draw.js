@@ -168,9 +168,9 @@ class Stage {
 
   /**
    * Draw the body, in a `colour`, with what is `carried` ({joints, pairs}) or null, and with a ring that says how far in
-   * a motion it is (`phase`, 0 to 1, or null).
+   * a motion it is (`phase`, 0 to 1, or null); or `bare`: nothing but the body.
    */
-  draw({ colour, carried = null, phase = null }) {
+  draw({ colour, carried = null, phase = null, bare = false }) {
     const { context, width, height } = fitted(this.canvas);
     if (!this.joints || !width) return;
     this.distance = 2.35 * this.size * this.zoom;
@@ -179,12 +179,11 @@ class Stage {
     this.turned = [Math.cos(this.yaw), Math.sin(this.yaw)];
     this.tilted = [Math.cos(this.pitch), Math.sin(this.pitch)];
     context.lineCap = context.lineJoin = "round";
-    this._drawFloor(context, width, height);
-    this._drawShadow(context);
+    if (!bare) { this._drawFloor(context, width, height); this._drawShadow(context); }
     if (phase !== null) this._drawRing(context, phase, colour);
-    this._drawTrails(context, colour);
+    if (!bare) this._drawTrails(context, colour);
     const points = this.joints.map((joint) => this._project(joint));
-    this._drawBones(context, points, colour);
+    this._drawBones(context, points, colour, bare ? 0 : 3);
     if (carried) this._drawCarried(context, points, carried);
   }
 
@@ -258,7 +257,7 @@ class Stage {
     context.globalAlpha = 1;
   }
 
-  _drawBones(context, points, colour) {
+  _drawBones(context, points, colour, rim) {
     const there = (joints) => joints.every((joint) => Number.isFinite(points[joint].x));
     const depth = (joints) => joints.reduce((sum, joint) => sum + points[joint].depth, 0) / joints.length;
     const pieces = [...this.bones, ...(this.trunk.length ? [this.trunk] : [])].filter(there)
@@ -267,7 +266,7 @@ class Stage {
     // Each piece has a rim in the ground's colour, so that a limb before the trunk stays clear.
     for (const [joints] of pieces) {
       const wide = Math.max(this._thickness(joints) * points[joints[0]].scale, 2);
-      for (const [style, more] of [[theme.ground, 3], [colour, 0]]) {
+      for (const [style, more] of [[theme.ground, rim], [colour, 0]]) {
         context.strokeStyle = style;
         context.lineWidth = wide + more;
         context.beginPath();

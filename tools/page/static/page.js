@@ -11,7 +11,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
   // A class may be called `constructor`.
-  titles: Object.create(null), hits: [], wrong: null, taught: "", held: "", sound: true };
+  titles: Object.create(null), hits: [], motions: {}, played: 0, wrong: null, taught: "", held: "", sound: true };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;
@@ -75,6 +75,8 @@ function take(news) {
   Object.assign(page.titles, news.titles);
   if (news.classes) { page.classes = news.classes; listClasses(); }
   if (news.control) { page.control = news.control; listClasses(); showControl(); }
+  // What was taught is in its file a second later.
+  if (news.classes || news.control) for (const wait of [0, 2000]) setTimeout(fetchMotions, wait);
   if (news.status) { page.status = news.status; showStatus(); }
   for (const [name, { names, parents }] of Object.entries(news.skeleton ?? {})) page.performers.get(name)?.stage.setSkeleton(names, parents);
   for (const [name, carried] of Object.entries(news.carried ?? {})) { const each = page.performers.get(name); if (each) each.carried = carried; }
@@ -243,7 +245,9 @@ function listClasses() {
     const done = made("small", { class: "done", title: "how often it was done, from beginning to end" });
     const taught = made("small", { text: examples ? `  taught ${examples}×` : "" });
     const named = made("span", { class: "name", title: name, text: titleOf(name) }, taught, done);
-    const row = made("button", {}, named, score, made("span", { class: "track" }, fill));
+    const small = new Stage(made("canvas", { class: "small", "aria-hidden": "true" }));
+    small.zoom = 0.7;
+    const row = made("button", {}, small.canvas, named, score, made("span", { class: "track" }, fill));
     row.disabled = !teaches();
     row.classList.toggle("off", Boolean(page.control?.off.includes(name)));
     row.addEventListener("click", () => openClass(name));
@@ -252,12 +256,34 @@ function listClasses() {
     again.hidden = !examples || !teaches();
     again.addEventListener("click", () => teach(name));
     list.append(made("li", {}, row, again));
-    return { row, fill, score, name, done };
+    return { row, fill, score, name, done, small };
   });
   if (!page.classes.length) list.append(made("li", { class: "none", text: page.control ? "None yet: teach one below." : "None yet." }));
   byId("names").replaceChildren(...page.classes.map((name) => new Option("", name)));
   if (focused) focusClass(focused);
 }
+
+async function fetchMotions() {
+  if (socket.readyState !== WebSocket.OPEN) return;
+  const answer = await fetch(`motions.json${location.search}`).catch(() => null);
+  if (answer?.ok) page.motions = await answer.json();
+}
+
+const calm = matchMedia("(prefers-reduced-motion: reduce)");
+/** Play a motion of each class beside its name; show its middle to people who want no movement. */
+function playClasses() {
+  page.played += calm.matches ? 0 : 1;
+  page.rows?.forEach(({ small, name }, index) => {
+    const { names, parents, frames } = page.motions[name] ?? {};
+    small.canvas.hidden = !frames;
+    if (!frames) return;
+    if (!small.names.length) small.setSkeleton(names, parents);
+    small.centre = null; // it stays in the middle
+    small.setBody(frames[calm.matches ? frames.length >> 1 : page.played % frames.length]);
+    small.draw({ colour: bodyColour(index), bare: true });
+  });
+}
+setInterval(playClasses, 1000 / 12);
 
 /** Give a class's new row the keyboard: the old one is gone. */
 const focusClass = (name) => page.rows.find((each) => each.name === name)?.row.focus();

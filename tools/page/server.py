@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from http import HTTPStatus
 from importlib import resources
 from pathlib import Path
@@ -201,17 +202,25 @@ _PICTURES, _MAX_SECONDS = 12, 4
 
 def motions_in(libraries: Iterable[Path]) -> bytes:
     """Encode the names, parents and frames (whole centimetres) of a motion of each class, as JSON."""
-    found = dict[str, dict[str, object]]()
+    found = dict[str, object]()
     for path in libraries:
+        # A new example lies in a file of its own until it is quiet.
+        files = [each for each in (path, path.with_name(f".{path.name}.new")) if each.exists()]
         # Nothing was taught yet, or nobody wants a library.
         with suppress(OSError, ValueError):
-            library = library_at(path)
-            body = {"names": library.skeleton.joints, "parents": library.skeleton.parents}
-            for name, motion in {each.class_name: each for each in library.motions}.items():
-                frames = motion.positions[:: max(round(motion.frame_rate / _PICTURES), 1)][: _PICTURES * _MAX_SECONDS]
-                places = np.rint(100 * frames.reshape(len(frames), -1)).astype(int)
-                found[name] = {**body, "frames": places.tolist()}
+            found |= _shown(path, tuple(each.stat().st_mtime_ns for each in files))
     return msgspec.json.encode(found)
+
+
+@lru_cache(maxsize=4)
+def _shown(path: Path, changed: tuple[int, ...]) -> Mapping[str, object]:  # noqa: ARG001 - a file is read when it changes
+    """Give a motion of each class of a library; a large one takes seconds to read."""
+    library = library_at(path)
+    body, shown = {"names": library.skeleton.joints, "parents": library.skeleton.parents}, dict[str, object]()
+    for name, motion in {each.class_name: each for each in library.motions}.items():
+        frames = motion.positions[:: max(round(motion.frame_rate / _PICTURES), 1)][: _PICTURES * _MAX_SECONDS]
+        shown[name] = {**body, "frames": np.rint(100 * frames.reshape(len(frames), -1)).astype(int).tolist()}
+    return shown
 
 
 #: Seconds between two looks for messages.

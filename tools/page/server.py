@@ -34,6 +34,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from kinespace.library import library_file
 from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
@@ -205,7 +206,7 @@ def motions_in(libraries: Iterable[Path]) -> bytes:
     found = dict[str, object]()
     for path in libraries:
         # A new example lies in a file of its own until it is quiet.
-        files = [each for each in (path, path.with_name(f".{path.name}.new")) if each.exists()]
+        files = [each for each in (path, library_file.beside(path, "new")) if each.exists()]
         # Nothing was taught yet, or nobody wants a library.
         with suppress(OSError, ValueError):
             found |= _shown(path, tuple(each.stat().st_mtime_ns for each in files))

@@ -14,6 +14,7 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.own_frame import STEP, own_path
 from kinespace.library.windows.courses import Courses, path_of
 from kinespace.stream import Done, Frame, Recognizer, Settings
+from kinespace.stream.recognizer.decision import Decided, Decision
 from kinespace.stream.recognizer.done import DoneFollower
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
@@ -230,3 +231,29 @@ def test_what_no_answer_has_said_goes_with_its_library_and_its_performer(index: 
     after = [answer for frame in frames[len(positions) + 60 :] if (answer := recognizer.push(frame))]
     assert after
     assert not any(answer.done for answer in after)
+
+
+def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
+    builtin: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Above what 5 % of unknown movement has; for classes that several persons show above what 1 % has."""
+    found, averages, push = dict[str, set[float]](), list[float](), Decision.push
+
+    def pushed(*arguments: object) -> Decided:
+        decided: Decided = push(*arguments)  # type: ignore[arg-type]
+        averages.append(decided.average or 0.0)
+        return decided
+
+    def know(_: DoneFollower, __: float, name: str, evidence: float) -> None:
+        found.setdefault(name, set()).add(round(averages[-1] - evidence, 3))
+
+    monkeypatch.setattr(Decision, "push", pushed)
+    monkeypatch.setattr(DoneFollower, "know", know)
+    squat, grab = (clips_of(name)[0] for name in (SQUAT, "grabHighR"))
+    index = opened(builtin).with_motions([replace(squat, class_name="mine", actor="")])
+    recognizer = Recognizer(index)
+    for number, positions in enumerate([*squat.positions[::4], *grab.positions[::4]]):
+        recognizer.push(Frame("me", number / 30, positions))
+    one, _, five, *_ = index.rejection.thresholds.round(3).tolist()
+    assert found.pop("mine") == {five}
+    assert set().union(*found.values()) == {one}

@@ -266,7 +266,7 @@ function listClasses() {
 async function fetchMotions() {
   if (socket.readyState !== WebSocket.OPEN) return;
   const answer = await fetch(`motions.json${location.search}`).catch(() => null);
-  if (answer?.ok) page.motions = await answer.json();
+  page.motions = (answer?.ok && await answer.json().catch(() => null)) || page.motions;
 }
 
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -277,7 +277,8 @@ function playClasses() {
     const { names, parents, frames } = page.motions[name] ?? {};
     small.canvas.hidden = !frames;
     if (!frames) return;
-    if (!small.names.length) small.setSkeleton(names, parents);
+    // Another library's body of the class may have other joints.
+    if (small.names !== names) small.setSkeleton(names, parents);
     small.centre = null; // it stays in the middle
     small.setBody(frames[calm.matches ? frames.length >> 1 : page.played % frames.length]);
     small.draw({ colour: bodyColour(index), bare: true });

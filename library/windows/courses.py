@@ -293,6 +293,12 @@ class Courses:
         return np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right") - 1
 
     @property
+    def beside_others(self) -> frozenset[str]:
+        """The classes of few people, where several persons show others."""
+        few = zip(self.classes, self.by_people.tolist(), strict=True) if self.by_people.any() else ()
+        return frozenset(name for name, by_people in few if not by_people)
+
+    @property
     def whole(self) -> Pieces:
         """The whole motions."""
         return Pieces(*(each[: len(self.seconds)] for each in self.pieces))

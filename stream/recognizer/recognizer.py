@@ -186,7 +186,7 @@ class Recognizer:
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
         self._by_course = _begun_by_course(index) if self._done else frozenset[str]()
-        self._beside = self._by_course if self._by_course and index.courses.by_people.any() else frozenset[str]()
+        self._beside = index.courses.beside_others if self._done else frozenset[str]()
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes

@@ -84,13 +84,16 @@ def run(options: argparse.Namespace) -> None:
     library = library.restricted_to(harness.shared_joints([library.skeleton, *(each.skeleton for each in everyday)]))
     everyday = [each.over(library.skeleton) for each in everyday]
     if not everyday:
+        if options.beside:
+            raise ValueError("--beside: expected --movement, because the library's own motions are known there")
         note("everyday movement: the built-in library's motions of other classes than the gestures; --movement")
     heard, named, answered = list[Heard](), list[int](), list[int]()
     for number in progress(range(options.shows), "Playing", options.shows):
         show = drawn(library, everyday, options, number)
         answers = played(show, settings, beside=options.beside)
         heard.append(show.heard(answers))
-        named.append(sum(each.outcome is Outcome.NAMED for each in answers))
+        gestures = {each.class_name for each in show.examples}
+        named.append(sum(each.outcome is Outcome.NAMED and each.class_name in gestures for each in answers))
         answered.append(len(answers))
     share = Ratio(named, answered).value()
     title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
@@ -149,7 +152,7 @@ def drawn(library: MotionLibrary, everyday: Sequence[Clip], options: argparse.Na
     Raises
     ------
     ValueError
-        The performer has too few classes of more motions than examples.
+        The performer has too few classes of more motions than examples, or no other class is left.
     """
     generator = np.random.default_rng([options.seed, number])
     performer = library.actors[number % len(library.actors)]
@@ -168,6 +171,8 @@ def drawn(library: MotionLibrary, everyday: Sequence[Clip], options: argparse.Na
         examples += order[: options.examples]
         asked += order[options.examples :]
     others = everyday or [motion for motion in library.motions if motion.class_name not in gestures]
+    if not others:
+        raise ValueError(f"--gestures: expected fewer than all {len(library.classes)} classes without --movement")
     return _laid(performer, examples, _again(asked, generator), _again(others, generator), options.minutes * 60)
 
 

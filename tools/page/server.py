@@ -20,7 +20,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from http import HTTPStatus
 from importlib import resources
 from pathlib import Path
@@ -34,7 +33,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from kinespace.library import library_file
+from kinespace.library import MotionLibrary, library_file
 from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
@@ -196,30 +195,44 @@ def response(status: int, body: bytes, kind: str, further: Mapping[str, str] | N
     return Response(status, HTTPStatus(status).phrase, Headers({**fields, **_GUARDS, **(further or {})}), body)
 
 
-#: The path of the classes' motions, their pictures a second, and seconds of each, at most.
+#: The path of the classes' motions, their pictures a second, seconds of each, and classes of a library, at most.
 MOTIONS = "/motions.json"
-_PICTURES, _MAX_SECONDS = 12, 4
+_PICTURES, _MAX_SECONDS, _MAX_CLASSES = 12, 4, 200
 
 
-def motions_in(libraries: Iterable[Path]) -> bytes:
-    """Encode the names, parents and frames (whole centimetres) of a motion of each class, as JSON."""
-    found = dict[str, object]()
-    for path in libraries:
+class Shown:
+    """A motion of each class of a library's file, for small bodies; read again when the file changes."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._changed = path, (-1.0, -1.0)
+        self._motions: Mapping[str, object] = {}
+
+    def motions(self) -> Mapping[str, object]:
+        """Give the names, parents and frames (whole centimetres) of each class; none where no library can be read."""
         # A new example lies in a file of its own until it is quiet.
-        files = [each for each in (path, library_file.beside(path, "new")) if each.exists()]
-        # Nothing was taught yet, or nobody wants a library.
-        with suppress(OSError, ValueError):
-            found |= _shown(path, tuple(each.stat().st_mtime_ns for each in files))
-    return msgspec.json.encode(found)
+        changed = _written(self._path), _written(library_file.beside(self._path, "new"))
+        if changed != self._changed:
+            self._changed, self._motions = changed, {}
+            # Nothing was taught yet, or nobody wants a library.
+            with suppress(OSError, ValueError):
+                self._motions = _motions_of(library_at(self._path))
+        return self._motions
 
 
-@lru_cache(maxsize=4)
-def _shown(path: Path, changed: tuple[int, ...]) -> Mapping[str, object]:  # noqa: ARG001 - a file is read when it changes
-    """Give a motion of each class of a library; a large one takes seconds to read."""
-    library = library_at(path)
+def _written(path: Path) -> float:
+    """Say when a file was written last; 0 where there is none."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _motions_of(library: MotionLibrary) -> Mapping[str, object]:
     body, shown = {"names": library.skeleton.joints, "parents": library.skeleton.parents}, dict[str, object]()
-    for name, motion in {each.class_name: each for each in library.motions}.items():
-        frames = motion.positions[:: max(round(motion.frame_rate / _PICTURES), 1)][: _PICTURES * _MAX_SECONDS]
+    motions = {each.class_name: each for each in library.motions}
+    for name, motion in [*motions.items()][:_MAX_CLASSES]:
+        times = np.arange(0.0, min(motion.duration, _MAX_SECONDS), 1 / _PICTURES)
+        frames = motion.positions[(times * motion.frame_rate).astype(int)]
         shown[name] = {**body, "frames": np.rint(100 * frames.reshape(len(frames), -1)).astype(int).tolist()}
     return shown
 
@@ -373,7 +386,7 @@ class PageServer(ClientServer[_Page]):
     ) -> None:
         super().__init__(subscription, gate)
         self.board = Board()
-        self._control, self._libraries = control, libraries
+        self._control, self._shown = control, [Shown(each) for each in libraries]
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
         self._stale = True
@@ -401,10 +414,14 @@ class PageServer(ClientServer[_Page]):
         """Answer an HTTP request; None goes on to a WebSocket."""
         del peer
         if path.partition("?")[0] == MOTIONS and self._gate.knows(headers.get("host", "")):
-            return self._gate.checked(path) or response(200, motions_in(self._libraries), "application/json")
+            return self._gate.checked(path) or response(200, self._motions(), "application/json")
         if refused := self._gate.answer(path, headers):
             return refused
         return None if len(self._clients) < MAX_PAGES else refusal(503, "too many pages are open")
+
+    def _motions(self) -> bytes:
+        """Encode a motion of each class as JSON; what was taught hides the library's."""
+        return msgspec.json.encode({name: each for shown in self._shown for name, each in shown.motions().items()})
 
     async def receive(self, connection: ServerConnection, client: _Page) -> None:
         """Take a page's drawings and commands; one that sends rubbish is closed."""

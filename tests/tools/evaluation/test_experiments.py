@@ -31,12 +31,15 @@ RUNS, REFUSED = tomllib.loads(Path(__file__).with_name("experiments.toml").read_
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Write takes of three persons, one with a motion that no other has; and twelve clips."""
-    takes, clips = (tmp_path_factory.mktemp(name) for name in ("takes", "clips"))
+    takes, clips, walks = (tmp_path_factory.mktemp(name) for name in ("takes", "clips", "walks"))
     write_take(takes, 1, [("clap", 1.5), ("hail", 1.5), ("row", 1.5)], person="ann")
     write_take(takes, 1, [("row", 1.5), ("clap", 1.5)], person="ben")
     write_take(takes, 1, [("hail", 1.5), ("salute", 1.5)], person="cid")
     write_clips(clips)
-    return {"takes": takes, "clips": clips}
+    walk = MotionLibrary.builtin().motions[0]
+    named = {"positions": walk.positions, "joints": np.array(walk.skeleton.joints)}
+    np.savez(walks / "walk.npz", time=walk.times, parents=np.array(walk.skeleton.parents), performer="ann", **named)
+    return {"takes": takes, "clips": clips, "walks": walks}
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -428,8 +428,10 @@ def _given(name: str, gate: Gate | None = None) -> Response:
 
 def test_a_motion_of_each_class_is_given_to_whoever_may_look(tmp_path: Path) -> None:
     """It has at most twelve pictures a second, of a motion of the class; files that are no library are left out."""
-    MotionLibrary.of_clips(stick_clips()).save(tmp_path / "mine.npz")
-    published, files = Published(), (tmp_path / "none", BUILT_IN, tmp_path / "mine.npz")
+    sticks = stick_clips()
+    MotionLibrary.of_clips(sticks).save(tmp_path / "mine.npz")
+    (tmp_path / "link.npz").symlink_to(tmp_path / "mine.npz")
+    published, files = Published(), (tmp_path / "none", BUILT_IN, tmp_path / "link.npz")
     with closing(published):
         server = PageServer(published, None, Gate("secret"), files)  # type: ignore[arg-type]  # a stand-in
 
@@ -442,12 +444,18 @@ def test_a_motion_of_each_class_is_given_to_whoever_may_look(tmp_path: Path) -> 
         assert (given.status_code, given.headers["Content-Type"]) == (200, "application/json")
         assert asked("", "127.0.0.1:8010").status_code == 401
         assert asked("?token=secret", "elsewhere.example").status_code == 403
+        newer = replace(sticks[0], class_name="newer", frame_rate=30.0)
+        MotionLibrary.of_clips([newer]).save(tmp_path / ".mine.npz.new")
+        changed = json.loads(asked("?token=secret", "127.0.0.1:8010").body)
     motions = json.loads(given.body)
     assert [*motions] == [*MotionLibrary.builtin().classes, *STICK_CLASSES]
-    length = [len(each.positions) for each in MotionLibrary.builtin().motions if each.class_name == "grabHighR"][-1]
-    frames = np.array(motions["grabHighR"]["frames"])
-    assert frames.shape == (min(math.ceil(length / 5), 48), 93)
-    assert 100 < np.ptp(frames[0, 1::3]) < 250
+    last = {each.class_name: each for each in (*MotionLibrary.builtin().motions, newer)}
+    for name, given_frames in (("grabHighR", motions), ("newer", changed)):
+        frames, motion = np.array(given_frames[name]["frames"]), last[name]
+        assert frames.shape == (min(math.ceil(round(motion.duration * 12, 6)), 48), 3 * len(motion.skeleton.joints))
+        place = int(11 / 12 * motion.frame_rate)
+        # Files hold millimetres.
+        np.testing.assert_allclose(frames[11], 100 * motion.positions[place].ravel(), atol=0.6)
 
 
 def test_everything_that_is_given_is_guarded() -> None:

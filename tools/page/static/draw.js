@@ -183,7 +183,7 @@ class Stage {
     if (phase !== null) this._drawRing(context, phase, colour);
     if (!bare) this._drawTrails(context, colour);
     const points = this.joints.map((joint) => this._project(joint));
-    this._drawBones(context, points, colour, bare ? 0 : 3);
+    this._drawBones(context, points, colour, bare);
     if (carried) this._drawCarried(context, points, carried);
   }
 
@@ -257,16 +257,17 @@ class Stage {
     context.globalAlpha = 1;
   }
 
-  _drawBones(context, points, colour, rim) {
+  _drawBones(context, points, colour, bare) {
     const there = (joints) => joints.every((joint) => Number.isFinite(points[joint].x));
     const depth = (joints) => joints.reduce((sum, joint) => sum + points[joint].depth, 0) / joints.length;
     const pieces = [...this.bones, ...(this.trunk.length ? [this.trunk] : [])].filter(there)
       .map((joints) => [joints, depth(joints)]).sort(([, one], [, other]) => other - one);
     context.fillStyle = colour;
-    // Each piece has a rim in the ground's colour, so that a limb before the trunk stays clear.
+    // Each piece has a rim in the ground's colour, so that a limb before the trunk stays clear; a small body has none.
+    const strokes = bare ? [[colour, 0]] : [[theme.ground, 3], [colour, 0]];
     for (const [joints] of pieces) {
       const wide = Math.max(this._thickness(joints) * points[joints[0]].scale, 2);
-      for (const [style, more] of [[theme.ground, rim], [colour, 0]]) {
+      for (const [style, more] of strokes) {
         context.strokeStyle = style;
         context.lineWidth = wide + more;
         context.beginPath();

@@ -11,7 +11,7 @@ const number = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(di
 /** All that the page knows. `drawn` counts pictures; tests and the curious may look. */
 const page = { performers: new Map(), classes: [], control: null, status: null, chosen: "", now: 0, since: 0, drawn: 0,
   // A class may be called `constructor`.
-  titles: Object.create(null), hits: [], motions: {}, played: 0, wrong: null, taught: "", held: "", sound: true };
+  titles: Object.create(null), hits: [], motions: {}, asking: 0, played: 0, wrong: null, taught: "", held: "", sound: true };
 window.kinespace = page;
 /** How people call a class; the wire has its name. */
 const titleOf = (name) => page.titles[name] ?? name;
@@ -25,7 +25,7 @@ let waiting = null; // the message to be drawn next
 function connect() {
   socket = new WebSocket(`ws://${location.host}/live${location.search}`);
   socket.binaryType = "arraybuffer";
-  socket.addEventListener("open", () => forget());
+  socket.addEventListener("open", () => { forget(); fetchMotions(); });
   socket.addEventListener("message", ({ data }) => { waiting = data; requestAnimationFrame(show); });
   socket.addEventListener("close", () => {
     showState("no connection to kinespace page, trying again …", true);
@@ -75,8 +75,8 @@ function take(news) {
   Object.assign(page.titles, news.titles);
   if (news.classes) { page.classes = news.classes; listClasses(); }
   if (news.control) { page.control = news.control; listClasses(); showControl(); }
-  // What was taught is in its file a second later.
-  if (news.classes || news.control) for (const wait of [0, 2000]) setTimeout(fetchMotions, wait);
+  // What was taught is in its file a second later; a lesson changes much, and the motions once.
+  if (news.classes || news.control) { clearTimeout(page.asking); page.asking = setTimeout(fetchMotions, 2000); }
   if (news.status) { page.status = news.status; showStatus(); }
   for (const [name, { names, parents }] of Object.entries(news.skeleton ?? {})) page.performers.get(name)?.stage.setSkeleton(names, parents);
   for (const [name, carried] of Object.entries(news.carried ?? {})) { const each = page.performers.get(name); if (each) each.carried = carried; }
@@ -273,10 +273,12 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)");
 /** Play a motion of each class beside its name; show its middle to people who want no movement. */
 function playClasses() {
   page.played += calm.matches ? 0 : 1;
+  const list = byId("classes").getBoundingClientRect();
   page.rows?.forEach(({ small, name }, index) => {
     const { names, parents, frames } = page.motions[name] ?? {};
     small.canvas.hidden = !frames;
-    if (!frames) return;
+    const at = small.canvas.getBoundingClientRect();
+    if (!frames || at.bottom < list.top || at.top > list.bottom) return;
     // Another library's body of the class may have other joints.
     if (small.names !== names) small.setSkeleton(names, parents);
     small.centre = null; // it stays in the middle

@@ -105,6 +105,9 @@ class _Body:
     ending: bool = False
     #: The joints of its frames, in their order, as they were announced; none before.
     announced: tuple[str, ...] = ()
+    #: Where a sender may send some joints: the names that came in the last seconds, and with the library's names.
+    came: tuple[str, ...] = ()
+    named: Mapping[str, str] = field(default_factory=dict)
 
 
 class FrameAssembler:
@@ -126,7 +129,8 @@ class FrameAssembler:
         self._out: list[Frame | Announcement] = []
         #: The last time that each sender sent for all its performers.
         self._sender_times: dict[int, float] = {}
-        self._needed = tuple(name for name, target in preset.joint_map.items() if target)
+        #: The sender's names of the joints of its frames, with the library's.
+        self._needed = {name: target for name, target in preset.joint_map.items() if target}
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
         self._targets = preset.sent
@@ -291,7 +295,7 @@ class FrameAssembler:
         return sum(moment >= earliest for _, moment in body.seen.values())
 
     def _has_all(self, joints: Iterable[str]) -> bool:
-        return {self.preset.joint_map[joint] for joint in joints}.issuperset(self._targets)
+        return {self._needed.get(joint) for joint in joints}.issuperset(self._targets)
 
     def _end_bundle(self, name: str) -> None:
         body = self._bodies.get(name)
@@ -319,9 +323,10 @@ class FrameAssembler:
             self.counts.late += len(opened)
             return
         self.counts.closed_by[str(by)] += 1
-        targets = self._coming_targets(body) if self.preset.closings.some else self._targets
-        places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened, targets)
-        if places is None:
+        joints = self._coming_joints(body) if self.preset.closings.some else self._needed
+        targets = tuple(dict.fromkeys(joints.values()))
+        places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened, joints)
+        if not places:
             self.counts.incomplete += 1
             return
         # A number that overflows is impossibly far, and is refused as such.
@@ -335,10 +340,10 @@ class FrameAssembler:
             self.counts.absurd += 1
             return
         self.counts.frames += 1
-        joints = targets if self.preset.closings.some else self.preset.joints
-        if body.announced != joints:
-            body.announced = joints
-            self._out.append(Announcement(name, joints))
+        named = targets if self.preset.closings.some else self.preset.joints
+        if body.announced != named:
+            body.announced = named
+            self._out.append(Announcement(name, named))
         self._out.append(frame)
 
     def _moment(self, body: _Body) -> float:
@@ -349,25 +354,30 @@ class FrameAssembler:
             body.ahead = body.time - body.opened
         return body.opened + (body.ahead or 0.0)
 
-    def _coming_targets(self, body: _Body) -> tuple[str, ...]:
-        """Give the joints that came in the last seconds, in the preset's order."""
-        came = {self.preset.joint_map[name] for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER}
-        return tuple(target for target in self._targets if target in came)
+    def _coming_joints(self, body: _Body) -> Mapping[str, str]:
+        """Give the joints that came in the last seconds, with the library's names."""
+        came = tuple(name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER)
+        if body.came != came:
+            named = self.preset.named(came)
+            body.came, body.named = came, {name: target for name, target in named.items() if target}
+        return body.named
 
-    def _placed(self, body: _Body, opened: Mapping[str, Sighting], targets: Sequence[str]) -> dict[str, Vector] | None:
+    def _placed(
+        self, body: _Body, opened: Mapping[str, Sighting], joints: Mapping[str, str]
+    ) -> dict[str, Vector] | None:
         """Find each joint in the frame or, held, in an earlier one; None when too many are absent for too long."""
         places: dict[str, Vector] = {}
         absent = dict[str, None]()
-        for name in self._needed:
-            target = self.preset.joint_map[name]
-            if (target in places and name not in opened) or target not in targets:
+        for name, target in joints.items():
+            if target in places and name not in opened:
                 continue
             sighting = opened.get(name) or self._held(body, name, self.preset.closings.hold)
             if sighting is None or sighting.position is None:
                 absent[target] = None
             else:
                 places[target] = sighting.position
-        return self._done_without([target for target in absent if target not in places], places, len(targets))
+        wanted = len({*joints.values()})
+        return self._done_without([target for target in absent if target not in places], places, wanted)
 
     def _placed_bones(self, body: _Body, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
         """Place bones in the world; bones that the sender never sends stay at rest.
@@ -382,8 +392,8 @@ class FrameAssembler:
             if bone.parent in lost or (sighting is None and self._held(body, name, FORGET_AFTER) is not None):
                 lost.add(name)
         world = world_positions(self.preset.bones, poses)
-        places = {self.preset.joint_map[name]: world[name] for name in self._needed}
-        absent = [self.preset.joint_map[name] for name in self._needed if name in lost]
+        places = {target: world[name] for name, target in self._needed.items()}
+        absent = [target for name, target in self._needed.items() if name in lost]
         return self._done_without(absent, places, len(self._targets))
 
     def _done_without(self, lacking: Sequence[str], places: dict[str, Vector], joints: int) -> dict[str, Vector] | None:

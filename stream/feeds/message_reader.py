@@ -17,6 +17,8 @@ MAX_PERFORMER_LENGTH = 48
 #: Addresses and names that are remembered, at most; only a sender that makes them up reaches the limit.
 _MAX_REMEMBERED = 4096
 _MAX_UNKNOWN = 64
+#: Names of joints, at most, where a sender may send any.
+_MAX_NAMES = 1024
 
 
 class MessageError(ValueError):
@@ -175,6 +177,8 @@ class Mapper:
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))
+        if found is None and self.preset.closings.some and len(self._names) < _MAX_NAMES:
+            found = self._names[spelling(known)] = known
         if found is None and len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found

@@ -5,6 +5,7 @@ A preset lists messages: an address in which `{joint}` and `{performer}` stand f
 """
 
 import re
+from collections.abc import Sequence
 from enum import StrEnum
 from functools import lru_cache
 from importlib import resources
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from kinespace.library.naming import convention_named, spelling
+from kinespace.library.naming import Convention, Naming, convention_named, hdm05, spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.feeds.kinematics import Bone
@@ -24,6 +25,8 @@ _ENDING = ".toml"
 _PRESETS = resources.files("kinespace.stream.feeds") / "presets"
 _POSITION = ("x", "y", "z")
 _ROTATION = ("qx", "qy", "qz", "qw")
+#: The places of the library's joints.
+_OURS = {name: place for place, name in enumerate(hdm05.SKELETON.joints)}
 _ROLES = ("joint", "performer", *_POSITION, *_ROTATION, "confidence", "time", "time_high", "name", "present", "skip")
 #: The role of an argument; a role that begins with = is a text that must be there.
 _Role = Annotated[str, Meta(pattern=f"^({'|'.join(_ROLES)}|=.*)$")]
@@ -236,7 +239,8 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     joint_map
         The sender's joint names with the motion library's names; an empty one for a joint that the library lacks.
     tables
-        Naming conventions whose names are joints, too; of a name that two have, the first one's joint counts.
+        Naming conventions for few joints, of which no convention is found. A sender of `some` joints may use any
+        convention that is found in its names.
     order, order_from
         Joint names in the order of their numbers, and the first number; also their order in messages without names.
     bones
@@ -284,10 +288,9 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     def _check_joints(self) -> None:
         joints = {name: target.strip() for name, target in self.joint_map.items()}
-        given = set(map(spelling, joints))
-        for table in reversed(self.tables):
-            joints |= {name: joint for name, joint in convention_named(table).targets.items() if name not in given}
         msgspec.structs.force_setattr(self, "joint_map", joints)
+        for table in self.tables:
+            convention_named(table)
         if len(self.sent) < 2:
             raise ValueError(f"joints: expected at least two joints, each with the library's name, got {joints!r}")
         if len(set(map(spelling, joints))) != len(joints):
@@ -324,8 +327,30 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     @property
     def sent(self) -> tuple[str, ...]:
-        """The motion library's names of the joints that the sender sends."""
+        """The motion library's names of the joints that the sender sends, or may send."""
+        if self.closings.some:
+            return hdm05.SKELETON.joints
         return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
+
+    def named(self, names: Sequence[str]) -> dict[str, str]:
+        """Give the library's names for the names that a sender sends, in the library's order.
+
+        Empty where the library has no such joint; names that are not known are left out.
+        """
+        own = {spelling(name): target for name, target in self.joint_map.items()}
+        if self.closings.some:
+            others = [name for name in names if spelling(name) not in own]
+            if convention := Naming().read(others).convention or self._table_of(others):
+                read = zip(others, convention.spelled(others), Naming(convention).read(others).joints, strict=True)
+                known = {spelling(name): joint for name, spelled, joint in read if spelled in convention.targets}
+                own |= {name: joint if joint in _OURS else "" for name, joint in known.items()}
+        found = {name: own[spelling(name)] for name in names if spelling(name) in own}
+        return dict(sorted(found.items(), key=lambda each: _OURS.get(each[1], -1))) if self.closings.some else found
+
+    def _table_of(self, names: Sequence[str]) -> Convention | None:
+        """Of few joints, give the first table that knows most."""
+        tables = map(convention_named, self.tables)
+        return max(tables, key=lambda each: each.known(each.spelled(names)), default=None)
 
 
 class Preset(PresetFile, frozen=True, kw_only=True):

@@ -188,7 +188,8 @@ class Survey:
             for made in assembler.push(messages, arrival, bundle=bundle):
                 if isinstance(made, Frame):
                     times.setdefault(made.performer, []).append(arrival)
-        came = {preset.joint_map[name] for name in joints} - {""}
+        named = preset.named([*joints])
+        came = {*named.values()} - {""}
         at_rest = tuple(name for name in preset.joint_map if name not in joints) if preset.bones and came else ()
         if preset.bones and came:
             # A bone that does not come stays at rest.
@@ -200,7 +201,7 @@ class Survey:
             assembler.counts.frames if len(came) >= MIN_JOINTS else 0,
             assembler.counts.incomplete,
             times,
-            tuple(sorted(assembler.mapper.unknown)),
+            tuple(sorted(assembler.mapper.unknown or (set(joints) - set(named) if preset.closings.some else ()))),
             at_rest,
         )
 

@@ -57,7 +57,7 @@ def bundle(*elements: bytes, tag: bytes = IMMEDIATELY) -> bytes:
 
 def named(preset: str, places: Places) -> dict[str, NDArray[np.floating]]:
     """Name joints as a product does; joints of the product that HDM05 lacks are left out."""
-    joint_map = builtin_preset(preset).joint_map
+    joint_map = builtin_preset(preset).joint_map or {name: name for name in places}
     return {name: places[target] for name, target in joint_map.items() if target}
 
 
@@ -331,13 +331,6 @@ def touchdesigner(moment: Moment) -> list[bytes]:
     ]
 
 
-def by_table(moment: Moment) -> Iterator[tuple[str, NDArray[np.floating]]]:
-    """Name all joints by a name that the preset `joints` knows, of some table."""
-    first = {target: name for name, target in reversed(builtin_preset("joints").joint_map.items()) if target}
-    for target in builtin_preset("joints").sent:
-        yield first[target], moment.places[target]
-
-
 def _sparck(bone: int, place: NDArray[np.floating], moment: Moment) -> list[bytes]:
     return [message("/skel", "iif" + "f" * 7, 1, bone, moment.time, *place, *_NO_TURN)]
 
@@ -367,8 +360,12 @@ _MADE: dict[str, Layout] = {
     ),
     "natnetthree2osc sparck": _motive(_sparck, "/f/s", "/f/e"),
     "mediapipe pose2art": mediapipe_loose,
-    "joints": lambda moment: [message(f"/{name}", "fff", *place) for name, place in by_table(moment)],
-    "joints of two": lambda moment: [message(f"/ann/{name}", "fff", *place) for name, place in by_table(moment)],
+    "joints": lambda moment: [
+        message(f"/{name}", "fff", *place) for name, place in named("joints", moment.places).items()
+    ],
+    "joints of two": lambda moment: [
+        message(f"/ann/{name}", "fff", *each) for name, each in named("joints", moment.places).items()
+    ],
     "captury": joint_by_joint("captury", "/John-Doe/blender/{}/vector", _millimetres),
     "zigsim osc": bundled(joint_by_joint("zigsim", "/B8-27/{}")),
     # Stamped with a real time.

@@ -14,6 +14,7 @@ from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
 from kinespace.stream.feeds.message_reader import MessageError, Reading
 from kinespace.stream.feeds.preset import Closing, parse_preset
 from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens
+from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.inputs.decoder import MAX_SENDERS, STEADY, FeedDecoder, SenderNumbers
 from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError
@@ -146,6 +147,26 @@ def test_channels_become_joints(channel: str) -> None:
     joint = Message("/p1/wrist_l", [1.0, 2.0, 3.0])
     assert [unpack(packet) for packet in packets] == [[], [], [joint]]
     assert unpack(bundle(*packets, message("/p1/id", "f", 7.0))) == [joint, Message("/p1/id", [7.0])]
+
+
+@pytest.mark.parametrize(
+    ("names", "joints"),
+    [
+        ("pelvis neck head wrist_l knee_r", ("root", "rfemur", "lowerneck", "head", "lradius")),
+        ("hip_c shoulder_c head wrist_l knee_r", ("root", "rfemur", "lowerneck", "head", "lradius")),
+        ("mixamorig:Hips Neck Head LeftHand RightLeg", ("root", "rfemur", "lowerneck", "upperneck", "lradius")),
+        ("foo bar baz qux quux", ()),
+    ],
+    ids=["kinect azure", "kinect", "mixamo", "unknown"],
+)
+def test_touchdesigner_sends_names_of_any_table(names: str, joints: tuple[str, ...]) -> None:
+    """The joints that come are announced by the library's names, and make frames; names of no table make none."""
+    decoder, made = FeedDecoder(builtin_preset("touchdesigner")), list[Announcement | Frame]()
+    for step in range(20):
+        sent = [message(f"/p1/{name}:t{axis}", "f", float(step)) for name in names.split() for axis in "xyz"]
+        made += decoder.decode(bundle(*sent), 1 + step / 30, ("127.0.0.1", 9000))
+    assert {each.joints for each in made if isinstance(each, Announcement)} == ({joints} if joints else set())
+    assert sum(isinstance(each, Frame) for each in made) == (20 if joints else 0)
 
 
 def test_numbers_that_did_not_change_are_kept() -> None:

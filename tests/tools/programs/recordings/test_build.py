@@ -1,12 +1,15 @@
 """`kinespace build`, `cut` and `info`: recordings and libraries in, one motion library file out, and what is in it."""
 
 import csv
+import json
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from recorded import JOINTS, SWINGS, write_clip, write_clips
+from synthetic import ARM, TinyBone, amc_text
 
 from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.library.naming import hdm05
@@ -237,3 +240,29 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         f"done, ≤ 6/h false: {opened(library).courses.missed_at(6.0):.0%} of these motions missed",
     ):
         assert f"\n{line}\n" in printed
+
+
+def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """HDM05's archive has a folder for each class, and the persons' skeletons beside: all is found by its names."""
+    legs = [TinyBone(each, parent="upper", dof=("rx", "ry")) for each in ("lleg", "rleg", "neck")]
+    body, archive = replace(ARM, bones=(*ARM.bones, *legs)), tmp_path / "hdm05_cut_amc"
+    for person, actor in enumerate(("bd", "bk"), start=1):
+        for number in range(130):
+            angles = 20 * np.random.default_rng(number).normal(size=(9, 40)).cumsum(axis=1).T
+            angles += np.random.default_rng((number, person)).normal(size=angles.shape)
+            turns = {"upper": angles[:, :3], "lower": angles[:, 3:4], "neck": angles[:, 4:5].repeat(2, axis=1)}
+            turns |= {"lleg": angles[:, 5:7], "rleg": angles[:, 7:], "root": 0 * angles[:, :6]}
+            frames = [{name: each[frame].tolist() for name, each in turns.items()} for frame in range(40)]
+            path = archive / f"class{number}" / f"HDM_{actor}_class{number}_001_120.amc"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(amc_text(frames))
+        (archive / f"HDM_{actor}.asf").write_text(replace(body, length=body.length * person).asf())
+    assert build(archive, "-o", tmp_path / "all.npz") == 0
+    library = MotionLibrary.load(tmp_path / "all.npz")
+    assert (len(library.motions), len(library.classes), library.actors) == (260, 130, ("bd", "bk"))
+    capsys.readouterr()
+    assert main(["evaluate", "retrieval", str(archive), "--protocol", "actor-held-out", "--json"]) == 0
+    rows = {row["space"]: row for row in json.loads(capsys.readouterr().out)}
+    assert {(row["motions"], row["classes"], row["persons"]) for row in rows.values()} == {(260, 130, 2)}
+    assert rows["distances"]["nearest"] > 0.9
+    assert rows["distances"]["confusion"]["class7"]["class7"] == 1.0

@@ -67,8 +67,8 @@ _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 _OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 #: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
-#: Persons of a class, and classes of so many persons (or all), at least, by whom it is learned how people differ in one
-#: motion; the share of equal scatter.
+#: Persons of a class, and classes of so many persons (or most), at least, by whom it is learned how people differ in
+#: one motion; the share of equal scatter.
 _PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
 #: Limits of these classes' whole motions are such shares of what other classes and everyday movement cost, and at most
 #: this; but at most so many times what this share of a class's motions cost each other, unless that is below the last.
@@ -481,7 +481,7 @@ def _whitening(
     actors = np.array([each.actor for each in cut])
     people_of = [np.unique(actors[of_class == place]) for place in np.unique(of_class)]
     shown = np.array([len(people) >= _PERSONS for people in people_of])
-    if shown.sum() < min(_CLASSES, len(shown)):
+    if shown.sum() < min(_CLASSES, len(shown) // 2 + 1):
         return None, np.zeros(len(cut), dtype=bool)
     numbers, courses = whole.shape[2], Pieces.of(whole).courses
     scatter = np.zeros((numbers, numbers))

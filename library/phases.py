@@ -27,12 +27,8 @@ VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
 VELOCITY = 3.0
 #: The share of the scatter between actors that is replaced by equal scatter.
 _SHRINKAGE = 0.1
-#: Phases at which recordings are compared to learn how actors differ.
-_COMPARED_AT = np.linspace(0.0, 1.0, 10)
 #: Axes that are kept of posture and velocity: along the others moments differ no more than actors do.
 _AXES = 24
-#: Bins of phases that count as the same.
-BINS = 40
 #: Seconds over which the swing of the body is measured.
 SWING_SECONDS = 1.0
 #: A class is cyclic when its recordings end this near to their beginning, relative to the farthest point between, and
@@ -42,22 +38,18 @@ _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframes:
-    """The moments of the recordings of one class, recording after recording.
+    """The moments of the recordings of one class, every recording at the same phases, from 0 to 1 in equal steps.
 
     Attributes
     ----------
     vectors
-        Posture and velocity, whitened by the differences of actors at the same phase, shape (numbers, moments).
-    phases
-        The phase of each moment, shape (moments,), 0 to 1.
-    starts
-        Where each recording begins, ascending, shape (recordings,).
+        Posture and velocity, whitened by the differences of actors at the same phase, (recordings, moments, numbers).
     speeds
-        Mean squared length of each moment's velocity, relative to the library's mean recording, (moments,).
+        Mean squared length of each moment's velocity, relative to the library's mean recording, (recordings, moments).
     usual_speeds
-        Mean of `speeds` over all moments at the same phase, (moments,).
+        Mean of `speeds` over the recordings, (moments,).
     usual_swings
-        Log of the swing over the last second of a recording, mean over all moments at the same phase, (moments,).
+        Log of the swing over the last second of a recording, mean over the recordings, (moments,).
     seconds
         Mean length of the recordings.
     cyclic
@@ -65,8 +57,6 @@ class Keyframes:
     """
 
     vectors: NDArray[np.float32] = field(repr=False)
-    phases: NDArray[np.float64] = field(repr=False)
-    starts: NDArray[np.intp] = field(repr=False)
     speeds: NDArray[np.float64] = field(repr=False)
     usual_speeds: NDArray[np.float64] = field(repr=False)
     usual_swings: NDArray[np.float64] = field(repr=False)
@@ -120,31 +110,49 @@ class PhaseTable:
             recorded[name] = found if found and found[0] == now else (now, _recorded(now, body, basis))
         numbers = [each for _, each in recorded.values()]
         whitening = _telling(numbers, _whitening(numbers, 2 * basis.directions.shape[1]))
-        moments = {name: _moments(each, whitening) for name, (_, each) in recorded.items()}
+        moments = {name: _keyframes(each, whitening) for name, (_, each) in recorded.items()}
         return cls(moments, whitening, basis, recorded)
 
 
 class _Recorded(NamedTuple):
-    """The numbers of the recordings of one class, which do not depend on other classes."""
+    """The numbers of the recordings of one class, which do not depend on other classes.
 
-    #: For each recording arrays (moments, 2 × directions), (moments,) and (moments,).
-    moving: list[NDArray[np.float64]]
+    Attributes
+    ----------
+    phases
+        Of each recording the phase of each of its own moments.
+    moving, swings
+        At the same phases, shape (recordings, moments, 2 × directions) and (recordings, moments).
+    lengths
+        Moments that each recording has itself.
+    """
+
     phases: list[NDArray[np.float64]]
-    swings: list[NDArray[np.float64]]
-    actors: list[str]
+    moving: NDArray[np.float64]
+    swings: NDArray[np.float64]
+    lengths: NDArray[np.intp]
     cyclic: bool
 
 
 def _recorded(clips: Sequence[Clip], body: Body, basis: Basis) -> _Recorded:
     """Compute the numbers of a class."""
     points = [points_of(clip, body, basis) for clip in clips]
-    moving = [with_velocity(each) for each in points]
+    moving, half = [with_velocity(each) for each in points], basis.directions.shape[1]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
-    actors = [clip.actor for clip in clips]
-    phases = agreed_phases([each / scale for each in moving], actors)
-    half = basis.directions.shape[1]
-    cyclic = _is_cyclic(points, [each[:, half:] for each in moving])
-    return _Recorded(moving, phases, [_swings(each) for each in points], actors, cyclic)
+    phases = agreed_phases([each / scale for each in moving], [clip.actor for clip in clips])
+    cyclic, lengths = _is_cyclic(points, [each[:, half:] for each in moving]), np.array([len(each) for each in moving])
+    same = np.linspace(0.0, 1.0, round(lengths.mean()))
+    at = [np.interp(same, own, np.arange(len(own))) for own in phases]
+    return _Recorded(phases, _read(moving, at), _read([_swings(each) for each in points], at), lengths, cyclic)
+
+
+def _read(rows: Sequence[NDArray[np.float64]], at: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Read each recording's rows at places between them."""
+    before = [np.minimum(places.astype(np.intp), len(each) - 2) for each, places in zip(rows, at, strict=True)]
+    first, second = (np.array([each[b + n] for each, b in zip(rows, before, strict=True)]) for n in (0, 1))
+    shares = (np.array(at) - before).reshape(*first.shape[:2], *[1] * (first.ndim - 2))
+    read: NDArray[np.float64] = first + shares * (second - first)
+    return read
 
 
 def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
@@ -169,14 +177,9 @@ def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _whitening(recorded: Iterable[_Recorded], width: int) -> NDArray[np.float64]:
     """Learn how recordings of a class differ at the same phase; a class of one recording is ignored."""
-    scatters = []
-    for each in recorded:
-        places = [np.searchsorted(phases, _COMPARED_AT).clip(0, len(phases) - 1) for phases in each.phases]
-        compared = np.array([moving[place] for moving, place in zip(each.moving, places, strict=True)])
-        deviations = (compared - compared.mean(axis=0)).reshape(-1, width)
-        if len(compared) > 1:
-            scatters.append(deviations.T @ deviations / len(deviations))
-    scatter = np.mean(scatters, axis=0) if scatters else np.eye(width)
+    several = [each.moving for each in recorded if len(each.moving) > 1]
+    deviations = [(each - each.mean(axis=0)).reshape(-1, width) for each in several]
+    scatter = np.mean([each.T @ each / len(each) for each in deviations], axis=0) if several else np.eye(width)
     return whitened(scatter, _SHRINKAGE) / math.sqrt(float(scatter.trace()) / width or 1.0)
 
 
@@ -184,35 +187,24 @@ def _telling(recorded: Collection[_Recorded], whitening: NDArray[np.float64]) ->
     """Keep the axes along which the moments of a class differ most, in the mean of the classes."""
     if not recorded:
         return whitening
-    spreads = np.mean([(np.concatenate(each.moving) @ whitening).var(axis=0) for each in recorded], axis=0)
+    spreads = np.mean([(each.moving @ whitening).var(axis=(0, 1)) for each in recorded], axis=0)
     kept = np.sort(spreads.argsort()[-_AXES:])
     return np.ascontiguousarray(whitening[:, kept])
 
 
-def _moments(recorded: _Recorded, whitening: NDArray[np.float64]) -> Keyframes:
+def _keyframes(recorded: _Recorded, whitening: NDArray[np.float64]) -> Keyframes:
     """Put the recordings of one class together."""
-    lengths = np.array([len(each) for each in recorded.moving])
-    mean = float(lengths.mean())
-    half = len(whitening) // 2
-    squares = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / mean) ** 2 for each in recorded.moving]
-    phases, speeds = np.concatenate(recorded.phases), np.concatenate(squares)
+    mean = float(recorded.lengths.mean())
+    velocities = recorded.moving[:, :, len(whitening) // 2 :]
+    speeds = (velocities**2).sum(axis=2) * (recorded.lengths[:, None] / mean) ** 2
     return Keyframes(
-        vectors=np.ascontiguousarray((np.concatenate(recorded.moving) @ whitening).T, dtype=np.float32),
-        phases=phases,
-        starts=np.cumsum([0, *lengths[:-1]]),
+        vectors=(recorded.moving @ whitening).astype(np.float32),
         speeds=speeds,
-        usual_speeds=_usual(phases, speeds),
-        usual_swings=_usual(phases, np.concatenate(recorded.swings)),
+        usual_speeds=speeds.mean(axis=0),
+        usual_swings=recorded.swings.mean(axis=0),
         seconds=(mean - 1) / MOMENTS_PER_SECOND,
         cyclic=recorded.cyclic,
     )
-
-
-def _usual(phases: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give at each moment the mean over all moments at the same phase."""
-    bins = np.minimum((phases * BINS).astype(np.intp), BINS - 1)
-    means: NDArray[np.float64] = np.bincount(bins, weights=numbers) / np.bincount(bins).clip(1)
-    return means[bins]
 
 
 def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArray[np.float64]]) -> bool:

@@ -6,13 +6,11 @@ recording, lets some change to other recordings at the same phase, and weighs al
 """
 
 import math
-from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.phases import (
-    BINS,
     MOMENTS_PER_SECOND,
     SWING_SECONDS,
     VELOCITY,
@@ -64,7 +62,6 @@ class ProgressFollower:
 
     def __init__(self, table: PhaseTable) -> None:
         self._table = table
-        self._states: dict[str, _States] = {}
         self._points = np.empty((8 * _PAST, table.basis.directions.shape[1]))
         self.clear()
 
@@ -82,7 +79,6 @@ class ProgressFollower:
             self._points = np.empty((len(self._points), table.basis.directions.shape[1]))
             self.clear()
         self._table, name, self._class_name = table, self._class_name, None
-        self._states = {}
         self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
@@ -139,103 +135,27 @@ class ProgressFollower:
         moments = self._table.classes.get(class_name) if class_name else None
         if moments is None:
             return
-        name = str(class_name)
-        states = self._states.get(name) or self._states.setdefault(name, _States.of(moments))
-        self._filter = _Filter(name, states, self._table.whitening)
+        self._filter = _Filter(str(class_name), moments, self._table.whitening)
         for end in range(max(1, self._count - _REPLAYED), self._count + 1):
             self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
 
 
-class _States(NamedTuple):
-    """The moments of a class as the filter reads them.
+class _Filter:
+    """The forward filter of one class: it believes in each moment of each recording, (recordings, moments)."""
 
-    Attributes
-    ----------
-    moments
-        The moments.
-    beginning, rounds, alike
-        For each moment the probabilities of beginning there, and of a next round, and one over the moments in its bin.
-    bins, order
-        For each moment its bin; the moments by their phase.
-    ends
-        Each recording's last moment, and the one before it, or itself where there is one: shape (2, recordings).
-    lengths
-        The vectors' squared lengths, shape (moments,).
-    expected
-        Each moment's speed, usual speed and usual swing, shape (3, moments).
-    """
-
-    moments: Keyframes
-    beginning: NDArray[np.float64]
-    rounds: NDArray[np.float64]
-    alike: NDArray[np.float64]
-    bins: NDArray[np.intp]
-    order: NDArray[np.intp]
-    ends: NDArray[np.intp]
-    lengths: NDArray[np.float32]
-    expected: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, moments: Keyframes) -> Self:
-        phases = moments.phases
+    def __init__(self, class_name: str, moments: Keyframes, whitening: NDArray[np.float64]) -> None:
+        self._class_name, self._moments, self._whitening = class_name, moments, whitening
+        recordings, count = moments.speeds.shape
+        self._phases = phases = np.linspace(0.0, 1.0, count)
         first = phases < _FIRST_PHASES
         later = np.where(first, 0.0, (1 - phases) ** _FALLING)
-        beginning = _AT_START * first / first.sum() + (1 - _AT_START) * later / max(later.sum(), 1e-9)
-        rounds = np.where(phases < 1 / BINS, 1.0, 0.0)
-        bins = np.minimum((phases * BINS).astype(np.intp), BINS - 1)
-        last = np.append(moments.starts[1:], len(phases)) - 1
-        return cls(
-            moments,
-            beginning / beginning.sum(),
-            rounds / max(rounds.sum(), 1.0),
-            1 / np.bincount(bins, minlength=BINS).clip(1)[bins],
-            bins,
-            phases.argsort(kind="stable"),
-            np.array([last, np.maximum(last - 1, moments.starts)]),
-            np.square(moments.vectors).sum(axis=0),
-            np.array([moments.speeds, moments.usual_speeds, moments.usual_swings]),
-        )
-
-    def goes_on(self, belief: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Move the probability of every moment on by a step."""
-        (last, before), (stay, one, two) = self.ends, _GOES_ON
-        again = _NEXT_ROUND if self.moments.cyclic else _ONCE_MORE
-        by_one, by_two = belief.copy(), belief.copy()
-        # A recording's last moments must not go on to the next recording.
-        by_one[last] = by_two[last] = by_two[before] = 0.0
-        after: NDArray[np.float64] = stay * belief
-        after[1:] += one * by_one[:-1]
-        after[2:] += two * by_two[:-2]
-        beyond = (one + two) * belief[last] + two * belief[before] * (before < last)
-        after[last] += (1 - again) * beyond
-        after += again * beyond.sum() * self.rounds
-        mass = np.bincount(self.bins, weights=after)
-        return (1 - _CHANGES - _BEGINS) * after + _CHANGES * self.alike * mass[self.bins] + _BEGINS * self.beginning
-
-    def weighed(self, belief: NDArray[np.float64], live: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Weigh the probability of every moment by its likeness to the live body's vector, shape (axes,)."""
-        squares = self.lengths - 2 * (live @ self.moments.vectors)
-        weighed = belief * np.exp(-0.5 * _SHARPNESS * (squares - squares.min()))
-        total = float(weighed.sum())
-        return weighed / total if total > 0 else self.beginning
-
-    def phase_of(self, belief: NDArray[np.float64]) -> tuple[float, float]:
-        """Give the phase below which half the probability lies, and the probability near it."""
-        phases = self.moments.phases
-        middle = int(np.searchsorted(np.cumsum(belief[self.order[:-1]]), 0.5))
-        phase = float(phases[self.order[middle]])
-        return phase, float(belief[np.abs(phases - phase) <= _NEAR].sum())
-
-
-class _Filter:
-    """The forward filter of one class."""
-
-    def __init__(self, class_name: str, states: _States, whitening: NDArray[np.float64]) -> None:
-        self._class_name, self._own, self._whitening = class_name, states, whitening
-        self._belief = states.beginning
+        #: How probably it begins at each moment, shape (moments,).
+        self._beginning = (_AT_START * first / first.sum() + (1 - _AT_START) * later / later.sum()) / recordings
+        self._belief = np.tile(self._beginning, (recordings, 1))
+        self._lengths = np.square(moments.vectors).sum(axis=2)
         self._squares = self._expected = self._usual = self._weight = 0.0
         self._swing = self._swings = 0.0
-        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(states.moments.speeds.mean())
+        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(moments.speeds.mean())
         self._scrub = 0.0
         self._cycles, self._last = 0, 0.0
 
@@ -244,12 +164,37 @@ class _Filter:
         some = points[-max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5))) :]
         velocity = VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
         live = (np.concatenate([some[-1], velocity]) @ self._whitening).astype(np.float32)
-        self._belief = belief = self._own.weighed(self._own.goes_on(self._belief), live)
-        expected, usual, usual_swing = (self._own.expected @ belief).tolist()
-        self._measure(float(velocity @ velocity), expected, usual)
-        self._swing = _SIZE_KEPT * self._swing + log_swing(float(some.var(axis=0).sum())) - usual_swing
+        self._belief = belief = self._weighed(self._goes_on(), live)
+        at, moments = belief.sum(axis=0), self._moments
+        self._measure(
+            float(velocity @ velocity), float((belief * moments.speeds).sum()), float(at @ moments.usual_speeds)
+        )
+        swing = log_swing(float(some.var(axis=0).sum())) - float(at @ moments.usual_swings)
+        self._swing = _SIZE_KEPT * self._swing + swing
         self._swings = _SIZE_KEPT * self._swings + 1
-        return self._answer(*self._own.phase_of(belief))
+        # Half the probability lies below the phase.
+        phase = float(np.interp(0.5, at.cumsum() - 0.5 * at, self._phases))
+        return self._answer(phase, float(at[np.abs(self._phases - phase) <= _NEAR].sum()))
+
+    def _goes_on(self) -> NDArray[np.float64]:
+        """Move the probability of every moment on by a step."""
+        belief, (stay, one, two) = self._belief, _GOES_ON
+        after: NDArray[np.float64] = stay * belief
+        after[:, 1:] += one * belief[:, :-1]
+        after[:, 2:] += two * belief[:, :-2]
+        beyond = (one + two) * belief[:, -1] + two * belief[:, -2]
+        again = _NEXT_ROUND if self._moments.cyclic else _ONCE_MORE
+        after[:, -1] += (1 - again) * beyond
+        after[:, 0] += again * beyond.mean()
+        others: NDArray[np.float64] = _CHANGES * after.mean(axis=0) + _BEGINS * self._beginning
+        return (1 - _CHANGES - _BEGINS) * after + others
+
+    def _weighed(self, belief: NDArray[np.float64], live: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Weigh the probability of every moment by its likeness to the live body's vector, shape (axes,)."""
+        squares = self._lengths - 2 * (self._moments.vectors @ live)
+        weighed: NDArray[np.float64] = belief * np.exp(-0.5 * _SHARPNESS * (squares - squares.min()))
+        total = float(weighed.sum())
+        return weighed / total if total > 0 else np.tile(self._beginning, (len(belief), 1))
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
         """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
@@ -262,7 +207,7 @@ class _Filter:
         self._speed = math.sqrt((self._squares + floor) / likely) if likely > 0 else 1.0
 
     def _answer(self, phase: float, sure: float) -> Progress:
-        if self._own.moments.cyclic and phase < self._last - 0.5:
+        if self._moments.cyclic and phase < self._last - 0.5:
             self._cycles += 1
             self._scrub = phase
         self._last = phase

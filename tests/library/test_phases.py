@@ -77,26 +77,25 @@ def test_moments_by_definition(index: WindowIndex) -> None:
     assert set(table.classes) == {"away", "bow", "jump"}
     assert table.whitening.shape == (2 * half, min(24, 2 * half))
     for name, moments in table.classes.items():
-        motions = [motion for motion in index.library.motions if motion.class_name == name]
-        moving = [_moving(index, motion.positions, motion.frame_rate) for motion in motions]
-        lengths = [len(each) for each in moving]
-        assert moments.starts.tolist() == [sum(lengths[:place]) for place in range(len(lengths))]
-        np.testing.assert_allclose(moments.vectors.T, np.concatenate(moving) @ table.whitening, rtol=1e-4, atol=1e-3)
+        clips, recorded = table.recorded[name]
+        own = [_moving(index, motion.positions, motion.frame_rate) for motion in clips]
+        lengths, count = [len(each) for each in own], moments.speeds.shape[1]
+        assert count == round(np.mean(lengths))
         assert moments.seconds == pytest.approx((np.mean(lengths) - 1) / RATE)
-        for start, length in zip(moments.starts, lengths, strict=True):
-            phases = moments.phases[start : start + length]
+        speeds, swings = [], []
+        for moving, phases, vectors in zip(own, recorded.phases, moments.vectors, strict=True):
             assert (phases[0], phases[-1]) == (pytest.approx(0.0, abs=0.2), pytest.approx(1.0, abs=0.2))
             assert (np.diff(phases) >= 0).all()
-        scaled = [(each[:, half:] ** 2).sum(axis=1) * (len(each) / np.mean(lengths)) ** 2 for each in moving]
-        assert moments.speeds == pytest.approx(np.concatenate(scaled))
-        swings = [
-            0.5 * math.log(sum(np.var(axis) for axis in each[max(0, k - SWING) : k + 1, :half].T) + 1e-6)
-            for each in moving
-            for k in range(len(each))
-        ]
-        bins = np.minimum((moments.phases * 40).astype(int), 39)
-        for numbers, usual in ((moments.speeds, moments.usual_speeds), (np.array(swings), moments.usual_swings)):
-            assert usual == pytest.approx([numbers[bins == own].mean() for own in bins])
+            past = [moving[max(0, k - SWING) : k + 1, :half] for k in range(len(moving))]
+            swing = [0.5 * math.log(sum(np.var(axis) for axis in each.T) + 1e-6) for each in past]
+            at = [np.interp(moment / (count - 1), phases, range(len(moving))) for moment in range(count)]
+            read = np.array([[np.interp(each, range(len(moving)), axis) for axis in (*moving.T, swing)] for each in at])
+            np.testing.assert_allclose(vectors, read[:, :-1] @ table.whitening, rtol=1e-4, atol=1e-3)
+            speeds.append((read[:, half:-1] ** 2).sum(axis=1) * (len(moving) / np.mean(lengths)) ** 2)
+            swings.append(read[:, -1])
+        np.testing.assert_allclose(moments.speeds, speeds)
+        np.testing.assert_allclose(moments.usual_speeds, np.mean(speeds, axis=0))
+        np.testing.assert_allclose(moments.usual_swings, np.mean(swings, axis=0))
 
 
 def test_motions_that_end_as_they_begin_are_cyclic(index: WindowIndex) -> None:

@@ -36,54 +36,64 @@ def warped_phase(first: NDArray[np.float64], second: NDArray[np.float64]) -> lis
     return [float(np.mean([j / last for i, j in path if i == frame])) for frame in range(len(first))]
 
 
-def gone_on(
-    belief: Sequence[float], phases: Sequence[float], starts: Sequence[int], beginning: Sequence[float], *, cyclic: bool
-) -> list[float]:
-    """Move the probability of every moment on by one step."""
-    count = len(belief)
-    ends = [*(start - 1 for start in starts[1:]), count - 1]
-    after = [0.0] * count
-    first = [index for index in range(count) if phases[index] < 1 / 40]
-    for index, probability in enumerate(belief):
-        end = next(end for end in ends if end >= index)
-        for moved, share in enumerate((0.55, 0.36, 0.09)):
-            if index + moved <= end:
-                after[index + moved] += share * probability
-            else:
-                again = (0.5 if cyclic else 0.02) * share * probability
-                after[end] += share * probability - again
-                for other in first:
-                    after[other] += again / len(first)
-    bins = [min(int(phase * 40), 39) for phase in phases]
+def gone_on(belief: list[list[float]], beginning: Sequence[float], *, cyclic: bool) -> list[list[float]]:
+    """Move the probability of every moment of every recording on by one step."""
+    count, recordings = len(beginning), len(belief)
+    after = [[0.0] * count for _ in belief]
+    for recording, probabilities in enumerate(belief):
+        for moment, probability in enumerate(probabilities):
+            for moved, share in enumerate((0.55, 0.36, 0.09)):
+                if moment + moved < count:
+                    after[recording][moment + moved] += share * probability
+                else:
+                    again = (0.5 if cyclic else 0.02) * share * probability
+                    after[recording][count - 1] += share * probability - again
+                    for other in after:
+                        other[0] += again / recordings
     changes, begins = 0.1, 1e-6
-    changed = []
-    for index in range(count):
-        alike = [other for other in range(count) if bins[other] == bins[index]]
-        mean = sum(after[other] for other in alike) / len(alike)
-        changed.append((1 - changes - begins) * after[index] + changes * mean + begins * beginning[index])
-    return changed
+    mean = [math.fsum(each) / recordings for each in zip(*after, strict=True)]
+    return [
+        [
+            (1 - changes - begins) * own + changes * usual + begins * begun / recordings
+            for own, usual, begun in zip(each, mean, beginning, strict=True)
+        ]
+        for each in after
+    ]
 
 
-def beginning_of(phases: Sequence[float]) -> list[float]:
-    """Give how probable each moment is before the body is seen."""
+def beginning_of(count: int) -> list[float]:
+    """Give how probable each moment of any recording is before the body is seen."""
+    phases = [moment / (count - 1) for moment in range(count)]
     first = sum(phase < 0.12 for phase in phases)
     later = sum((1 - phase) ** 4 for phase in phases if phase >= 0.12)
     return [0.9 / first if phase < 0.12 else 0.1 * (1 - phase) ** 4 / later for phase in phases]
 
 
 def weighed(
-    belief: Sequence[float], vectors: NDArray[np.float64], live: NDArray[np.float64], sharpness: float
-) -> list[float]:
+    belief: list[list[float]], vectors: NDArray[np.floating], live: NDArray[np.float64], sharpness: float
+) -> list[list[float]]:
     """Weigh every moment by how alike the live body is, and let the probabilities sum to one."""
-    logs = [-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in vectors]
-    most = max(logs)
-    products = [each * math.exp(log - most) for each, log in zip(belief, logs, strict=True)]
-    return [each / math.fsum(products) for each in products]
+    logs = [[-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in each] for each in vectors]
+    most = max(map(max, logs))
+    products = [
+        [each * math.exp(log - most) for each, log in zip(*pair, strict=True)]
+        for pair in zip(belief, logs, strict=True)
+    ]
+    total = math.fsum(map(math.fsum, products))
+    return [[each / total for each in own] for own in products]
 
 
-def below(belief: Sequence[float], phases: Sequence[float], phase: float) -> float:
-    """Give how probable the phases below one are."""
-    return math.fsum(each for each, other in zip(belief, phases, strict=True) if other < phase)
+def median(belief: list[list[float]]) -> float:
+    """Give the phase below which half the probability lies, each moment's probability half before it, half behind."""
+    count, below, before = len(belief[0]), 0.0, (0.0, 0.0)
+    for moment in range(count):
+        own = math.fsum(each[moment] for each in belief)
+        middle, phase = below + own / 2, moment / (count - 1)
+        if middle >= 0.5:
+            start, least = before if moment else (phase, middle)
+            return phase if middle == least else start + (phase - start) * (0.5 - least) / (middle - least)
+        below, before = below + own, (phase, middle)
+    return 1.0
 
 
 class Pace:

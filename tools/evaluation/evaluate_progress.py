@@ -96,11 +96,8 @@ def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object
 def _true_phases(library: MotionLibrary) -> dict[int, NDArray[np.float64]]:
     """Give the phases of every motion's moments, by the motion's identity."""
     table = opened(library).phases
-    return {
-        id(clip): phases
-        for name, moments in table.classes.items()
-        for clip, phases in zip(table.recorded[name][0], np.split(moments.phases, moments.starts[1:]), strict=True)
-    }
+    recorded = table.recorded.values()
+    return {id(clip): phases for clips, each in recorded for clip, phases in zip(clips, each.phases, strict=True)}
 
 
 def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, warped: bool) -> _Played:

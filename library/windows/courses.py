@@ -108,7 +108,9 @@ class Pieces(NamedTuple):
         steps = points[:, 1:] - points[:, :-1]
         lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
         directions = steps / np.maximum(lengths, np.float32(_TINY))[:, :, None]
-        directions = directions if whitening is None else directions @ whitening
+        if whitening is not None:
+            # One product takes half as long as one for each piece.
+            directions = (directions.reshape(-1, points.shape[2]) @ whitening).reshape(steps.shape)
         courses = np.matmul(_blur(), directions).reshape(len(points), (POINTS - 1) * points.shape[2])
         ways, widths = np.abs(steps).sum(axis=1), points.max(axis=1) - points.min(axis=1)
         return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1))

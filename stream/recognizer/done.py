@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.courses import MAX_WAY, Courses, Pieces, at_equal_way, share_at
+from kinespace.library.windows.courses import MAX_WAY, Courses, Pieces, at_equal_way, share_at, ways_of
 from kinespace.stream.recognition import Seen
 
 #: Steps from one look to the next.
@@ -149,6 +149,7 @@ class DoneFollower:
     def clear(self) -> None:
         """Forget the body's past."""
         self._count, self.time, self._over = 0, math.nan, -math.inf
+        self._ways[:1] = 0.0
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
         self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
@@ -209,8 +210,8 @@ class DoneFollower:
             body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
             self.time += steps * STEP
         self._body = np.concatenate([self._body[-HISTORY:], body])
-        points, self._size = own_path(self._body, self._skeleton)
-        self._extend(points[len(points) - len(body) :])
+        points, self._size = own_path(self._body, self._skeleton, len(body))
+        self._extend(points)
 
     def _extend(self, points: NDArray[np.float64]) -> None:
         """Keep some more points, and the way up to each."""
@@ -219,11 +220,11 @@ class DoneFollower:
             for kept in (self._points, self._ways):
                 kept[: self._longest] = kept[self._count - self._longest : self._count]
             self._count = self._longest
-        for place, point in enumerate(points.astype(np.float32), self._count):
-            self._points[place] = point
-            step = point - self._points[place - 1] if place else 0.0 * point
-            self._ways[place] = (self._ways[place - 1] if place else 0.0) + math.sqrt(float(step @ step))
-        self._count += len(points)
+        before, self._count = max(self._count - 1, 0), self._count + len(points)
+        self._points[self._count - len(points) : self._count] = points
+        ways = ways_of(self._points[before : self._count])
+        ways += self._ways[before]
+        self._ways[before : self._count] = ways
 
     def _look(self) -> Look:
         """Compare the windows that end now."""

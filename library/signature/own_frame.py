@@ -106,8 +106,9 @@ def at_steps(
     steps
         Times between the first frame and the last, shape (steps,).
     """
-    after = np.minimum(np.maximum(np.searchsorted(times, steps), 1), len(times) - 1)
-    shares = (steps - times[after - 1]) / (times[after] - times[after - 1])
-    before = positions[after - 1]
-    body: NDArray[np.float64] = before + shares[:, None, None] * (positions[after] - before)
+    after = np.minimum(np.maximum(times.searchsorted(steps), 1), len(times) - 1)
+    begun, before = times.take(after - 1), positions.take(after - 1, axis=0)
+    body: NDArray[np.float64] = np.subtract(positions.take(after, axis=0), before, dtype=np.float64)
+    body *= ((steps - begun) / (times.take(after) - begun))[:, None, None]
+    body += before
     return body

@@ -83,7 +83,8 @@ class Likelihood(NamedTuple):
         ratios = asked @ self.products.T
         ratios += self.constants
         found: Numbers = np.minimum.reduceat(ratios, self.starts, axis=1).astype(np.float64)
-        return found + (np.square(asked) @ self.squares)[:, None]
+        found += (np.square(asked) @ self.squares)[:, None]
+        return found
 
 
 def factors(axes: int) -> tuple[Numbers, Numbers, float]:

@@ -50,7 +50,7 @@ class SentJoints:
 UNLIKE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
-#: Performers that are answered together: what they need then fits into the processor's cache.
+#: Performers that are answered together, at most: what they need then fits into the processor's cache.
 _TOGETHER = 8
 #: Performers at once that may be asked for.
 MAX_PERFORMERS = 10_000
@@ -499,12 +499,13 @@ class Performers:
         """
         newest = {each.performer: each.time for each in events if isinstance(each, Frame)} if newest_only else {}
         answers: list[Recognition | None] = [None] * len(events)
-        #: The places of the frames that are answered together.
-        waiting = dict[str, tuple[int, Due]]()
+        #: The places of the frames that are answered together: only in overload, because numbers are rounded otherwise
+        #: beside others.
+        waiting, together = dict[str, tuple[int, Due]](), _TOGETHER if newest_only else 1
         for place, event in enumerate(events):
             # Nothing else happens to a performer before it is answered, and whoever begins may make another one leave.
             name = event.performer
-            if len(waiting) >= _TOGETHER or (waiting and (name in waiting or name not in self._performers)):
+            if len(waiting) >= together or (waiting and (name in waiting or name not in self._performers)):
                 _answer(waiting, answers)
             if isinstance(event, Announcement):
                 self.announce(event, arrival)

@@ -276,9 +276,11 @@ class Recognizer:
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
+        if self._due >= until:
+            return
         if math.isfinite(self._due) and self.settings.hop:
             self.counts.skipped += max(math.floor((until - self._due) / self.settings.hop + _SAME_HOP), 0)
-        self._due = max(self._due, until)
+        self._due = until
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""

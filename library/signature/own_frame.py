@@ -40,7 +40,9 @@ def corners_of(skeleton: Skeleton) -> list[int] | None:
     return corners if len(corners) == len(_CORNERS) else None
 
 
-def own_path(positions: NDArray[np.floating], skeleton: Skeleton) -> tuple[NDArray[np.float64], float]:
+def own_path(
+    positions: NDArray[np.floating], skeleton: Skeleton, newest: int | None = None
+) -> tuple[NDArray[np.float64], float]:
     """Give a body's points, from which courses are cut, and the body's size.
 
     Parameters
@@ -49,6 +51,8 @@ def own_path(positions: NDArray[np.floating], skeleton: Skeleton) -> tuple[NDArr
         The body every `STEP`, shape (steps, joints, 3), metres.
     skeleton
         Its joints.
+    newest
+        How many points are given, the last ones; None for all.
 
     Returns
     -------
@@ -58,25 +62,27 @@ def own_path(positions: NDArray[np.floating], skeleton: Skeleton) -> tuple[NDArr
     size
         Metres: the mean distance of the middles of shoulders and hips. Without them: of all joints.
     """
-    corners = corners_of(skeleton)
+    corners, first = corners_of(skeleton), len(positions) - (len(positions) if newest is None else newest)
     if corners is None:
         rows = distance_rows(positions, skeleton)
-        return averaged(rows, _POINT_STEPS), max(float(rows.mean()), _TINY)
-    directions = _FROM_CORNERS @ positions[:, corners]
-    size = float(np.sqrt(np.einsum("tc,tc->t", directions[:, 1], directions[:, 1])).sum()) / (2 * len(positions))
-    left, up = averaged(directions[:, :2], _FRAME_STEPS).transpose(1, 0, 2)
-    up = _unit(up)
-    left = _unit(left - np.einsum("tc,tc->t", left, up)[:, None] * up)
-    front = left[:, _AFTER] * up[:, _BEFORE] - left[:, _BEFORE] * up[:, _AFTER]
-    axes = np.concatenate([left, up, front], axis=1).reshape(-1, 3, 3)
-    own = (positions - directions[:, 2:]) @ axes.transpose(0, 2, 1)
-    return averaged(own.reshape(len(own), -1), _POINT_STEPS), max(size, _TINY)
+        return averaged(rows, _POINT_STEPS)[first:], max(float(rows.mean()), _TINY)
+    left, up, hips = (_FROM_CORNERS @ positions.take(corners, axis=1)).transpose(1, 0, 2)
+    size = float(_lengths(up).sum()) / (2 * len(positions))
+    left, up = averaged(left, _FRAME_STEPS), averaged(up, _FRAME_STEPS)
+    up /= np.maximum(_lengths(up), _TINY)[:, None]
+    left -= np.einsum("tc,tc->t", left, up)[:, None] * up
+    left /= np.maximum(_lengths(left), _TINY)[:, None]
+    front = left.take(_AFTER, axis=1) * up.take(_BEFORE, axis=1) - left.take(_BEFORE, axis=1) * up.take(_AFTER, axis=1)
+    axes = np.concatenate([left, up, front], axis=1).reshape(-1, 3, 3).transpose(0, 2, 1)
+    # The points are averaged over these.
+    some = slice(max(first - _POINT_STEPS + 1, 0), None)
+    own = (positions[some] - hips[some, None]) @ axes[some]
+    return averaged(own.reshape(len(own), -1), _POINT_STEPS)[first - some.start :], max(size, _TINY)
 
 
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    lengths = np.sqrt(np.einsum("tc,tc->t", vectors, vectors))
-    unit: NDArray[np.float64] = vectors / np.maximum(lengths, _TINY)[:, None]
-    return unit
+def _lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.sqrt(np.einsum("tc,tc->t", vectors, vectors))
+    return lengths
 
 
 def averaged(rows: NDArray[np.floating], steps: int) -> NDArray[np.float64]:
@@ -100,8 +106,9 @@ def at_steps(
     steps
         Times between the first frame and the last, shape (steps,).
     """
-    after = np.minimum(np.maximum(np.searchsorted(times, steps), 1), len(times) - 1)
-    shares = (steps - times[after - 1]) / (times[after] - times[after - 1])
-    before = positions[after - 1]
-    body: NDArray[np.float64] = before + shares[:, None, None] * (positions[after] - before)
+    after = np.minimum(np.maximum(times.searchsorted(steps), 1), len(times) - 1)
+    begun, before = times.take(after - 1), positions.take(after - 1, axis=0)
+    body: NDArray[np.float64] = np.subtract(positions.take(after, axis=0), before, dtype=np.float64)
+    body *= ((steps - begun) / (times.take(after) - begun))[:, None, None]
+    body += before
     return body

@@ -77,13 +77,14 @@ class Likelihood(NamedTuple):
         joined = np.concatenate(products, axis=1, dtype=np.float32), np.concatenate(squares, dtype=np.float32)
         return cls(*joined, constants.astype(np.float32), starts)
 
-    def of_window(self, vectors: Sequence[NDArray[np.float32]]) -> Numbers:
-        """Compare a window's vectors of all groups with each class, shape (classes,)."""
-        asked = np.concatenate([each.ravel() for each in vectors])
-        ratios = self.products @ asked
+    def of_windows(self, vectors: Sequence[NDArray[np.float32]]) -> Numbers:
+        """Compare the vectors of all groups of some windows with each class, shape (asked, classes)."""
+        asked = np.concatenate([each.reshape(len(each), -1) for each in vectors], axis=1)
+        ratios = asked @ self.products.T
         ratios += self.constants
-        found: Numbers = np.minimum.reduceat(ratios, self.starts).astype(np.float64)
-        return found + float(self.squares @ np.square(asked))
+        found: Numbers = np.minimum.reduceat(ratios, self.starts, axis=1).astype(np.float64)
+        found += (np.square(asked) @ self.squares)[:, None]
+        return found
 
 
 def factors(axes: int) -> tuple[Numbers, Numbers, float]:
@@ -245,37 +246,52 @@ class Comparer(NamedTuple):
             starts[persons[:, 0]],
         )
 
-    def distances(self, signature: Signature) -> Distances:
-        """Compare a window."""
-        weighing, products = self.comparison.weighing, np.abs(signature.leading.astype(np.float32) @ self.eigenvectors)
-        scores = np.maximum.reduceat(products, self.classes).astype(np.float64)
-        if weighing.by_products:
-            logs = agreed(-products[None], self.starts, self.persons)
-            return Distances(logs, weighing.named(logs), weighing.alone(logs), scores)
-        placed, vectors = self.comparison.placed_and_joined(signature.parts)
-        logs, views = self.logs(vectors), len(weighing.views)
-        named = np.minimum.reduce(logs[:views])
+    def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
+        """Compare some windows, together: then the library's windows come from memory once."""
+        weighing, leading = self.comparison.weighing, np.array([each.leading for each in signatures], dtype=np.float32)
+        products = np.abs(leading @ self.eigenvectors)
+        scores = np.maximum.reduceat(products, self.classes, axis=1).astype(np.float64)
+        parts = {part: np.array([each.parts[part] for each in signatures]) for part in weighing.parts}
+        placed, vectors = self.comparison.placed_and_joined(parts)
+        logs = agreed(-products[None], self.starts, self.persons) if weighing.by_products else self.logs(vectors)
+        named, judged = weighing.named(logs), weighing.alone(logs)
         if self.head:
             named += self.head.added(placed.values())
-        judged = self.likelihood.of_window(vectors)[None] if self.likelihood else logs[views:]
-        return Distances(logs, named, judged, scores)
+        if self.likelihood:
+            judged = self.likelihood.of_windows(vectors)[None]
+        return [
+            Distances(*each) for each in zip(logs.swapaxes(0, 1), named, judged.swapaxes(0, 1), scores, strict=True)
+        ]
 
     def logs(self, vectors: Sequence[Floats], left_out: NDArray[np.bool_] | None = None) -> Numbers:
-        """Give the log distances of a window's vectors, as in `Distances`; perhaps with some windows left out."""
-        squared = np.empty_like(self.lengths)
+        """Give the log distances of some windows' vectors, perhaps with some of the library's windows left out.
+
+        Parameters
+        ----------
+        vectors
+            For each group, shape (asked, axes), or (asked, eigenvectors, directions).
+        left_out
+            Flags, shape (windows,).
+
+        Returns
+        -------
+        Shape (weights, asked, classes), as in `Distances`.
+        """
+        (groups, count), asked = self.lengths.shape, len(vectors[0])
+        squared = np.empty((groups, asked, count), dtype=np.float32)
         for own, vector, windows in zip(squared, vectors, self.windows, strict=True):
-            alike = vector @ windows
-            if vector.ndim == 1:
-                np.subtract(vector @ vector, 2 * alike, out=own)
+            alike = vector.reshape(-1, len(windows)) @ windows
+            if vector.ndim == 2:
+                np.subtract(np.einsum("qa,qa->q", vector, vector)[:, None], 2 * alike, out=own)
             else:
                 # The squared distance of two matrices of length 1: 1 + 1 − 2 Σᵢⱼ ⟨sᵢ, tⱼ⟩².
                 np.square(alike, out=alike)
-                np.subtract(1, 2 * np.add.reduce(alike.reshape(-1, len(own))), out=own)
-        squared += self.lengths
+                np.subtract(1, 2 * np.add.reduce(alike.reshape(asked, -1, count), axis=1), out=own)
+        squared += self.lengths[:, None]
         np.maximum(squared, np.float32(self.comparison.weighing.nearest), out=squared)
-        weighed = self.weights @ np.log(squared, out=squared)
+        weighed = (self.weights @ np.log(squared, out=squared).reshape(groups, -1)).reshape(-1, asked, count)
         if left_out is not None:
-            weighed[:, left_out] = np.inf
+            weighed[..., left_out] = np.inf
         return agreed(weighed, self.starts, self.persons)
 
 
@@ -285,7 +301,7 @@ def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> 
     Where several persons perform a class, the second nearest must agree: one person's way may resemble another motion.
     """
     least = np.full((*numbers.shape[:-1], len(starts)), np.inf)
-    np.minimum.reduceat(numbers, starts[:-1], axis=-1, out=least[..., :-1])
+    least[..., :-1] = np.minimum.reduceat(numbers, starts[:-1], axis=-1)
     by_person = least.take(persons, axis=-1)
     by_person.partition(1, axis=-1)
     first, second = by_person[..., 0], by_person[..., 1]

@@ -104,14 +104,17 @@ class Pieces(NamedTuple):
     @classmethod
     def of(cls, points: NDArray[np.floating], whitening: Floats | None = None) -> Self:
         """Take pieces at equal way, shape (pieces, POINTS, numbers), their directions times (numbers, numbers)."""
-        points = points.astype(np.float32, copy=False)
-        steps = points[:, 1:] - points[:, :-1]
-        lengths = np.sqrt(np.einsum("psn,psn->ps", steps, steps))
-        directions = steps / np.maximum(lengths, np.float32(_TINY))[:, :, None]
+        # All pieces' first points come first: sums and products along the path are then over whole rows.
+        along = np.ascontiguousarray(points.transpose(1, 0, 2), dtype=np.float32)
+        steps = along[1:] - along[:-1]
+        lengths = np.sqrt(np.einsum("spn,spn->sp", steps, steps))
+        directions = (steps / np.maximum(lengths, np.float32(_TINY))[:, :, None]).reshape(-1, points.shape[2])
         directions = directions if whitening is None else directions @ whitening
-        courses = np.matmul(_blur(), directions).reshape(len(points), (POINTS - 1) * points.shape[2])
-        ways, widths = np.abs(steps).sum(axis=1), points.max(axis=1) - points.min(axis=1)
-        return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=1))
+        # Piece by piece, so that the same pieces give the same numbers to the last digit.
+        blurred = np.matmul(_blur(), directions.reshape(steps.shape).transpose(1, 0, 2))
+        courses = blurred.reshape(len(points), len(steps) * points.shape[2])
+        ways, widths = np.abs(steps).sum(axis=0), along.max(axis=0) - along.min(axis=0)
+        return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=0))
 
     def costs(self, others: "Pieces") -> Floats:
         """Compare with other pieces: shape (pieces, others)."""
@@ -185,8 +188,8 @@ def _blur() -> Floats:
 
 def ways_of(points: NDArray[np.floating]) -> Numbers:
     """Give the way up to each point of a path (points, numbers): shape (points,), 0 first."""
-    ways = np.zeros(len(points))
-    np.cumsum(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)), out=ways[1:])
+    ways, steps = np.zeros(len(points)), points[1:] - points[:-1]
+    np.cumsum(np.sqrt(np.einsum("pn,pn->p", steps, steps)), out=ways[1:])
     return ways
 
 

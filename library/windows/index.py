@@ -133,7 +133,7 @@ class WindowIndex:
 
     def distances(self, signature: Signature) -> Distances:
         """Compare a window with all windows."""
-        return self.comparer.distances(signature)
+        return self.comparer.distances([signature])[0]
 
     @cached_property
     def rejection(self) -> Rejection:
@@ -321,7 +321,8 @@ class WindowIndex:
         For each of the weighing's `weights` the log distance of each class, shape (weights, classes); infinite for a
         class without windows left.
         """
-        return self._windows.logs([each[window].astype(np.float32, order="C") for each in self.vectors], left_out)
+        asked = [each[window : window + 1].astype(np.float32, order="C") for each in self.vectors]
+        return self._windows.logs(asked, left_out)[:, 0]
 
 
 class Origin(NamedTuple):

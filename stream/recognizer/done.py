@@ -10,6 +10,7 @@ everyday movement, a motion may cost more and is seen still; where it was not, l
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.courses import MAX_WAY, Courses, Pieces, at_equal_way, share_at
+from kinespace.library.windows.courses import MAX_WAY, POINTS, Courses, Pieces, at_equal_way, share_at, ways_of
 from kinespace.stream.recognition import Seen
 
 #: Steps from one look to the next.
@@ -91,6 +92,58 @@ class Look(NamedTuple):
         return Look(self.done or before.done, before.seen if begins else self.seen)
 
 
+class Asked(NamedTuple):
+    """Windows that end now, to be compared with the library's motions (`costs_of`).
+
+    Attributes
+    ----------
+    courses
+        The library's.
+    points
+        The windows at equal way, shape (windows, POINTS, numbers).
+    size
+        The body's size, metres.
+    counts
+        Steps in each window, shape (windows,).
+    free
+        Whether each lies behind the motion before, shape (windows,).
+    growth
+        How much wider each class's limits are, shape (classes,).
+    limits
+        Of whole motions and of first parts, shape (pieces,).
+    """
+
+    courses: Courses
+    points: NDArray[np.float32]
+    size: float
+    counts: NDArray[np.intp]
+    free: NDArray[np.bool_]
+    growth: NDArray[np.float32]
+    limits: NDArray[np.float32]
+
+
+def costs_of(asked: Sequence[Asked]) -> list[NDArray[np.float32]]:
+    """Give each window's cost, relative to the limits, by whole motions and by first parts: shape (windows, pieces).
+
+    Infinite where no window is near the limit, or where it is not free. The windows of several performers, of one
+    library, are compared together: then the library's motions come from memory once.
+    """
+    courses, counts = asked[0].courses, [len(each.points) for each in asked]
+    windows = Pieces.of(np.concatenate([each.points for each in asked]), courses.whitening)
+    sizes = np.repeat(np.array([each.size for each in asked], dtype=np.float32), counts)
+    windows = windows._replace(lengths=windows.lengths / sizes)
+    limits = windows.shared(courses.pieces)
+    limits *= np.array([each.limits for each in asked]).repeat(counts, axis=0)
+    near = courses.screen.costs_at_least(windows.courses) < _NEAR * limits
+    near &= windows.as_far(courses.pieces)
+    near &= np.concatenate([each.free for each in asked])[:, None]
+    # Flat, which is found ten times as fast.
+    costs, pairs = np.full(near.shape, np.inf, dtype=np.float32), divmod(near.ravel().nonzero()[0], near.shape[1])
+    some = (each.courses.take(place, axis=0) for each, place in zip((windows, courses.pieces), pairs, strict=True))
+    costs[pairs] = (1 - np.einsum("pn,pn->p", *some)) / limits[pairs]
+    return np.split(costs, np.cumsum(counts)[:-1])
+
+
 class _Streak:
     """Counts the looks in a row that see the same class."""
 
@@ -149,6 +202,7 @@ class DoneFollower:
     def clear(self) -> None:
         """Forget the body's past."""
         self._count, self.time, self._over = 0, math.nan, -math.inf
+        self._ways[:1] = 0.0
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
         self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
@@ -178,12 +232,12 @@ class DoneFollower:
                 growth[place] = min(max(math.exp(_GROWTH * best[name]), _LEAST_GROWTH), most)
         return growth
 
-    def push(self, times: list[float], positions: NDArray[np.float64]) -> Look | None:
-        """Take in the body's positions, (frames, joints, 3), metres, at times in seconds; look when a look is due.
+    def push(self, times: list[float], positions: NDArray[np.float64]) -> Asked | None:
+        """Take in the body's positions, (frames, joints, 3), metres, at times in seconds.
 
         Returns
         -------
-        None between two looks.
+        When a look is due the windows whose costs `look` takes in, before the next push; else None.
         """
         if not self._longest:
             return None
@@ -192,7 +246,7 @@ class DoneFollower:
         if times[-1] - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP:
             return None
         self._follow()
-        return self._look()
+        return self._asked()
 
     def _follow(self) -> None:
         """Put the positions that came on the path, `STEP` after `STEP`."""
@@ -209,8 +263,8 @@ class DoneFollower:
             body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
             self.time += steps * STEP
         self._body = np.concatenate([self._body[-HISTORY:], body])
-        points, self._size = own_path(self._body, self._skeleton)
-        self._extend(points[len(points) - len(body) :])
+        points, self._size = own_path(self._body, self._skeleton, len(body))
+        self._extend(points)
 
     def _extend(self, points: NDArray[np.float64]) -> None:
         """Keep some more points, and the way up to each."""
@@ -219,51 +273,34 @@ class DoneFollower:
             for kept in (self._points, self._ways):
                 kept[: self._longest] = kept[self._count - self._longest : self._count]
             self._count = self._longest
-        for place, point in enumerate(points.astype(np.float32), self._count):
-            self._points[place] = point
-            step = point - self._points[place - 1] if place else 0.0 * point
-            self._ways[place] = (self._ways[place - 1] if place else 0.0) + math.sqrt(float(step @ step))
-        self._count += len(points)
+        before, self._count = max(self._count - 1, 0), self._count + len(points)
+        self._points[self._count - len(points) : self._count] = points
+        ways = ways_of(self._points[before : self._count])
+        ways += self._ways[before]
+        self._ways[before : self._count] = ways
 
-    def _look(self) -> Look:
-        """Compare the windows that end now."""
+    def _asked(self) -> Asked:
+        """Give the windows that end now."""
         last, ways = self._count - 1, self._ways[: self._count]
         counts = self._counts[self._counts <= last]
-        begins = last - counts
-        gone = (ways[last] - ways[begins]) / self._size
-        some = (gone > max(self._least, 0.0)) & (gone < self._most)
-        counts, begins = counts[some], begins[some]
-        if not len(counts):
-            return self._sees(None, None)
-        ends = np.full(len(counts), ways[last])
-        windows = Pieces.of(
-            at_equal_way(self._points[: self._count], ways, ways[begins], ends), self._courses.whitening
-        )
-        windows = windows._replace(lengths=windows.lengths / np.float32(self._size))
+        gone = (ways[last] - ways[last - counts]) / self._size
+        counts = counts[(gone > max(self._least, 0.0)) & (gone < self._most)]
+        points = np.zeros((0, POINTS, self._points.shape[1]), dtype=np.float32)
+        if len(counts):
+            ends = np.full(len(counts), ways[last])
+            points = at_equal_way(self._points[: self._count], ways, ways[last - counts], ends)
         # A window must lie behind the motion before.
-        free = self.time - counts * STEP >= self._over - _ROUNDING
-        growth, motions = self._growth(), len(self._courses.seconds)
-        costs = self._costs(windows, free, self._limits * growth.take(self._of_piece))
-        costs[counts * STEP < _SHORTEST, :motions] = np.inf
+        free, growth = self.time - counts * STEP >= self._over - _ROUNDING, self._growth()
+        return Asked(self._courses, points, self._size, counts, free, growth, self._limits * growth[self._of_piece])
+
+    def look(self, asked: Asked, costs: NDArray[np.float32]) -> Look:
+        """Say what the windows that were asked for show by their costs (`costs_of`)."""
+        motions, begins = len(self._courses.seconds), self._count - 1 - asked.counts
+        costs[asked.counts * STEP < _SHORTEST, :motions] = np.inf
         return self._sees(
-            self._nearest(costs[:, :motions], begins, growth, whole=True),
-            self._nearest(costs[:, motions:], begins, growth, whole=False),
+            self._nearest(costs[:, :motions], begins, asked.growth, whole=True),
+            self._nearest(costs[:, motions:], begins, asked.growth, whole=False),
         )
-
-    def _costs(self, windows: Pieces, free: NDArray[np.bool_], limits: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Give each window's cost, relative to the limits, by whole motions and by first parts: (windows, pieces).
-
-        Infinite where no window is near the limit, or where it is not free.
-        """
-        pieces = self._courses.pieces
-        limits = limits * windows.shared(pieces)
-        near = (self._courses.screen.costs_at_least(windows.courses) < _NEAR * limits) & windows.as_far(pieces)
-        near &= free[:, None]
-        costs, pairs = np.full(near.shape, np.inf, dtype=np.float32), near.nonzero()
-        if len(pairs[0]):
-            some = (each.courses.take(place, axis=0) for each, place in zip((windows, pieces), pairs, strict=True))
-            costs[pairs] = (1 - np.einsum("pn,pn->p", *some)) / limits[pairs]
-        return costs
 
     def _nearest(
         self, costs: NDArray[np.float32], begins: NDArray[np.intp], growth: NDArray[np.float32], *, whole: bool

@@ -174,8 +174,10 @@ class LiveWindows:
     ----------
     index, threshold
         As given.
-    seen
+    signature
         What was read last with this library; None before.
+    seen
+        What the comparison by `compare` gave last.
     """
 
     def __init__(self, index: WindowIndex, threshold: float = -math.inf) -> None:
@@ -193,6 +195,7 @@ class LiveWindows:
         """Compare at the next hop, whether the body moves or not, with the index."""
         weighing = self.index.comparison.weighing
         self._parts, self._eigenvectors = weighing.parts, weighing.eigenvectors
+        self.signature: Signature | None = None
         self.seen: Compared | None = None
         #: The time since which the body is at rest, NaN while it moves; and of a body at rest the row that was read
         #: last, how far its distances may move, metres, and how many frames have been looked at.
@@ -233,47 +236,43 @@ class LiveWindows:
         """Give the times and the distance rows of the longest window; views, valid until the next push."""
         return self._window.times, self._window.recent()[0]
 
-    def read(self, stillness: float = 0.0, noise: float = 0.0) -> Compared | None:
-        """Compare the windows that end with the newest row; None while there is too little to compare.
+    def read(self, stillness: float = 0.0, noise: float = 0.0) -> Signature | None:
+        """Read the windows that end with the newest row; None while there is too little to compare.
 
         Parameters
         ----------
         stillness
-            Movement below which a window is still. What was found for a body that has been still in all windows stands
+            Movement below which a window is still. What was read of a body that has been still in all windows stands
             until a distance moves by more than its noise.
         noise
             Standard deviation of a distance's noise, metres.
         """
         if self._frames < _MIN_FRAMES or self._now - self._since < FIRST_WINDOW - TIE:
             return None
-        if self.seen and self._now - self._still_since >= self.longest and self._rests():
-            return self.seen
-        self.seen = seen = self._read()
-        if not seen.signature.movement < _RESTS * stillness:
+        if self.signature and self._now - self._still_since >= self.longest and self._rests():
+            return self.signature
+        self.signature = read = signature(self._window, self._parts, self.index.body, self._eigenvectors)
+        if not read.movement < _RESTS * stillness:
             self._still_since = math.nan
-            return seen
+            return read
         self._rest, self._looked_at = self.recent()[1][-1].copy(), self._frames
         length = math.sqrt(float(np.vdot(self._rest, self._rest)) / len(self._rest))
         self._room = max(min(_AT_REST * noise, _RESTS * stillness * length), _NO_STEP * length)
         self._still_since = self._now if math.isnan(self._still_since) else self._still_since
-        return seen
+        return read
 
     def _rests(self) -> bool:
         """Whether no distance has moved since the windows were read; earlier hops looked at the rows before theirs."""
         rows, self._looked_at = self.recent()[1][self._looked_at - self._frames :], self._frames
         return float(np.abs(rows - self._rest).max()) <= self._room
 
-    def _read(self) -> Compared:
-        found = signature(self._window, self._parts, self.index.body, self._eigenvectors)
-        return Compared(found, self.index.distances(found))
-
     def covariance(self) -> Covariance:
         """Give the covariance over the longest span, and what was read off it last; ValueError before."""
         window, longest = self._window, self._window.in_basis[-1]
-        if self.seen is None:
+        if self.signature is None:
             raise ValueError("covariance: expected an answer before, got none yet")
         matrix = window.covariance(longest)
-        return Covariance(window.rows_in(longest), self.index.basis.directions, matrix, self.seen.signature.leading)
+        return Covariance(window.rows_in(longest), self.index.basis.directions, matrix, self.signature.leading)
 
     def contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the leading eigenvector, shape (pairs,); None before.
@@ -281,12 +280,23 @@ class LiveWindows:
         The variance along w is the sum over the distances of w times their covariance with the rows along w. A distance
         that works against the others gives less than nothing. The shares add up to (frames − 1) times the variance.
         """
-        if self.seen is None:
+        if self.signature is None:
             return None
-        weights, (_, rows) = self.index.basis.directions @ self.seen.signature.leading, self.recent()
+        weights, (_, rows) = self.index.basis.directions @ self.signature.leading, self.recent()
         centred = rows - rows.mean(axis=0)
         given: NDArray[np.float64] = weights * ((centred @ weights) @ centred)
         return given
+
+
+def compare(read: Sequence[LiveWindows]) -> list[Compared]:
+    """Compare what windows read last, those of one library together; what rests stands as it was compared before."""
+    new = [each for each in read if each.seen is None or each.seen.signature is not each.signature]
+    for index in {each.index for each in new}:
+        some = [(each, each.signature) for each in new if each.index is index and each.signature]
+        found = index.comparer.distances([own for _, own in some])
+        for (each, own), distances in zip(some, found, strict=True):
+            each.seen = Compared(own, distances)
+    return [each.seen for each in read if each.seen]
 
 
 def window_of(index: WindowIndex) -> Window:

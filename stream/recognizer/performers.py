@@ -18,9 +18,11 @@ from kinespace.stream.recognizer.carried import Carried, carried_by
 from kinespace.stream.recognizer.fitting import NOTES
 from kinespace.stream.recognizer.recognizer import (
     MAX_PAUSE,
+    Due,
     Recognizer,
     RecognizerCounts,
     Views,
+    answers_to,
     refuse_copies,
     require_order,
 )
@@ -48,6 +50,8 @@ class SentJoints:
 UNLIKE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
+#: Performers that are answered together, at most: what they need then fits into the processor's cache.
+_TOGETHER = 8
 #: Performers at once that may be asked for.
 MAX_PERFORMERS = 10_000
 #: The joint names, and the like, of so many times the maximum number of performers are remembered.
@@ -494,9 +498,15 @@ class Performers:
         For each a recognition when one is due, else None.
         """
         newest = {each.performer: each.time for each in events if isinstance(each, Frame)} if newest_only else {}
-        answers: list[Recognition | None] = []
-        for event in events:
-            answer = None
+        answers: list[Recognition | None] = [None] * len(events)
+        #: The places of the frames that are answered together: only in overload, because numbers are rounded otherwise
+        #: beside others.
+        waiting, together = dict[str, tuple[int, Due]](), _TOGETHER if newest_only else 1
+        for place, event in enumerate(events):
+            # Nothing else happens to a performer before it is answered, and whoever begins may make another one leave.
+            name = event.performer
+            if len(waiting) >= together or (waiting and (name in waiting or name not in self._performers)):
+                _answer(waiting, answers)
             if isinstance(event, Announcement):
                 self.announce(event, arrival)
             elif isinstance(event, NewSender):
@@ -505,8 +515,9 @@ class Performers:
             elif isinstance(event, Frame):
                 if newest and (performer := self._performers.get(event.performer)):
                     performer.recognizer.only_follow(newest[event.performer])
-                answer = self.push(event, arrival)
-            answers.append(answer)
+                if due := self._take(event, arrival):
+                    waiting[event.performer] = place, due
+        _answer(waiting, answers)
         return answers
 
     def push(self, frame: Frame, arrival: float) -> Recognition | None:
@@ -519,6 +530,10 @@ class Performers:
         arrival
             When it came, seconds on our clock.
         """
+        due = self._take(frame, arrival)
+        return answers_to([due])[0] if due else None
+
+    def _take(self, frame: Frame, arrival: float) -> Due | None:
         performer = self._performers.get(frame.performer) or self._performer(frame.performer, arrival)
         if performer is None:
             self._no_room += 1
@@ -535,7 +550,7 @@ class Performers:
                 performer.refused_size = len(frame.positions)
                 self._note_refused(frame.performer, performer)
             return None
-        return performer.recognizer.push(_in_order(frame, performer))
+        return performer.recognizer.take(_in_order(frame, performer))
 
     def ordered(self, frame: Frame) -> Frame | None:
         """Give a frame that was pushed in the order of the library's joints; None for one that was refused.
@@ -575,6 +590,13 @@ class Performers:
         if name in self._announced:
             self._learn_joints(performer, self._announced[name])
         return performer
+
+
+def _answer(waiting: dict[str, tuple[int, Due]], answers: list[Recognition | None]) -> None:
+    """Put the answers that wait in their places."""
+    for (place, _), answer in zip(waiting.values(), answers_to([due for _, due in waiting.values()]), strict=True):
+        answers[place] = answer
+    waiting.clear()
 
 
 def _is_idle(performer: _Performer, now: float) -> bool:

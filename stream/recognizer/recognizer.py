@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,9 @@ from kinespace.library.windows.rejection import RATES
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
-from kinespace.stream.recognizer.done import DoneFollower, Found, Look
+from kinespace.stream.recognizer.done import Asked, DoneFollower, Found, Look, costs_of
 from kinespace.stream.recognizer.fitting import FeedKind, Fitting
-from kinespace.stream.recognizer.live_windows import Compared, Covariance, LiveWindows, RowSmoother
+from kinespace.stream.recognizer.live_windows import Compared, Covariance, LiveWindows, RowSmoother, compare
 from kinespace.stream.recognizer.mending import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, needed_lead, threshold_for
@@ -276,9 +276,11 @@ class Recognizer:
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
+        if self._due >= until:
+            return
         if math.isfinite(self._due) and self.settings.hop:
             self.counts.skipped += max(math.floor((until - self._due) / self.settings.hop + _SAME_HOP), 0)
-        self._due = max(self._due, until)
+        self._due = until
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise with another sensitivity from the next hop on; the paper's signature has none."""
@@ -345,6 +347,11 @@ class Recognizer:
         RuntimeError
             Another thread is using this recogniser.
         """
+        due = self.take(frame)
+        return answers_to([due])[0] if due else None
+
+    def take(self, frame: Frame) -> "Due | None":
+        """Take in a frame, as `push`; give what is due, for `answers_to`, before the next frame."""
         try:
             positions, time = frame.positions, frame.time
         except AttributeError:
@@ -370,13 +377,13 @@ class Recognizer:
             due = time >= self._due - self._early
             if not due and len(times) < _MAX_WAITING:
                 return None
-            self._measure()
-            windows = (self._fewer or self._windows) if due else None
-            seen = windows.read(self.settings.stillness, self._smoother.noise) if windows else None
-            if windows is None or seen is None:
+            asked, windows = self._measure(), self._fewer or self._windows
+            if not due or windows.read(self.settings.stillness, self._smoother.noise) is None:
+                if asked:
+                    self._see(asked, costs_of([asked])[0])
                 return None
             self._set_due(time)
-            return self._recognized(frame, windows, seen)
+            return Due(self, frame, windows, asked)
         finally:
             self._busy = False
 
@@ -385,7 +392,7 @@ class Recognizer:
             raise ValueError(f"performer: expected {self._performer!r} until `reset`, got {performer!r}")
         self._performer = performer
 
-    def _measure(self) -> None:
+    def _measure(self) -> Asked | None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
         times = self._times
         begun = self._joints.mend(times)
@@ -395,13 +402,26 @@ class Recognizer:
             times, rows = times[begun:], rows[begun:]
         if self._joints.left_out or self._without:
             self._leave_out(self._joints.left_out, self._times[-1])
-        if self._done and times and (look := self._done.push(times, self._positions[begun or 0 : len(self._times)])):
-            self._look = look.behind(self._look)
+        positions = self._positions[begun or 0 : len(self._times)]
+        asked = self._done.push(times, positions) if self._done and times else None
         self._smoother.smooth(times, rows)
         self._windows.push(times, rows)
         if self._fewer:
             self._fewer.push(times, rows[:, self._places])
         self._times.clear()
+        return asked
+
+    def _see(self, asked: Asked, costs: NDArray[np.float32]) -> None:
+        """Take in what whole motions cost."""
+        if self._done:
+            self._look = self._done.look(asked, costs).behind(self._look)
+
+    def answer(self, due: "Due", seen: Compared, costs: NDArray[np.float32] | None) -> Recognition:
+        """Give the answer that is due, from what its windows show, and from what whole motions cost."""
+        with self._alone():
+            if due.asked and costs is not None:
+                self._see(due.asked, costs)
+            return self._recognized(due.frame, due.windows, seen)
 
     def _begin_again(self) -> None:
         """Forget the rows, and what was read off them; a motion that goes on stays."""
@@ -528,6 +548,28 @@ class Recognizer:
     def _end_time(self) -> float:
         """When a motion that goes on ends if nothing more comes, seconds."""
         return self._last if self._ended_at is None else self._ended_at
+
+
+class Due(NamedTuple):
+    """An answer that is due: its recogniser and frame, the windows that were read, and those of whole motions."""
+
+    recognizer: Recognizer
+    frame: Frame
+    windows: LiveWindows
+    asked: Asked | None
+
+
+def answers_to(due: Sequence[Due]) -> list[Recognition]:
+    """Answer several performers, whose windows are compared together: then the library comes from memory once."""
+    seen, costs = compare([each.windows for each in due]), dict[int, NDArray[np.float32]]()
+    asked = [(place, each.asked) for place, each in enumerate(due) if each.asked]
+    for courses in {each.courses for _, each in asked}:
+        some = [(place, each) for place, each in asked if each.courses is courses]
+        costs.update(zip((place for place, _ in some), costs_of([each for _, each in some]), strict=True))
+    return [
+        each.recognizer.answer(each, shown, costs.get(place))
+        for place, (each, shown) in enumerate(zip(due, seen, strict=True))
+    ]
 
 
 def _begun_by_course(index: WindowIndex) -> frozenset[str]:

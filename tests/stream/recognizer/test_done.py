@@ -15,7 +15,7 @@ from kinespace.library.signature.own_frame import STEP, own_path
 from kinespace.library.windows.courses import Courses, path_of
 from kinespace.stream import Done, Frame, Recognizer, Settings
 from kinespace.stream.recognizer.decision import Decided, Decision
-from kinespace.stream.recognizer.done import DoneFollower
+from kinespace.stream.recognizer.done import DoneFollower, costs_of
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
 
@@ -148,9 +148,10 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
         if rng.random() < 0.3:
             known.append((step * STEP, str(rng.choice(few.courses.classes)), float(rng.normal(0, 3))))
             follower.know(*known[-1])
-        look = follower.push([step * STEP], frame[None])
-        if look is None:
+        asked = follower.push([step * STEP], frame[None])
+        if asked is None:
             continue
+        look = follower.look(asked, *costs_of([asked]))
         looks += 1
         done += [(step, look.done.class_name)] if look.done else []
         begun += [(step, look.seen.class_name)] if look.seen and look.seen.begins else []

@@ -11,9 +11,9 @@ from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.parts import Kind
+from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparison import by_paper
-from kinespace.stream.recognizer.live_windows import NOISY, Compared, LiveWindows, RowSmoother
+from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother
 
 # --- smoothing --------------------------------------------------------------------------------------------------------
 
@@ -80,11 +80,10 @@ def index(request: pytest.FixtureRequest, small_index: WindowIndex, sticks: Moti
 
 
 def _assert_by_definition(
-    live: LiveWindows, read: Compared | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
+    live: LiveWindows, signature: Signature | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
 ) -> None:
     """Compare all that was read with numbers computed from the rows up to now."""
-    assert live.seen is read
-    signature = read.signature
+    assert live.signature is signature
     expected = Twin(index).numbers(times[-1], times, rows)
     for part, numbers in signature.parts.items():
         twin = expected[str(part.kind), part.seconds]

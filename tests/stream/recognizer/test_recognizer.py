@@ -18,9 +18,11 @@ from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened
+from kinespace.library.signature.parts import Signature
+from kinespace.library.windows.comparer import Comparer, Distances
 from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings, recognise
 from kinespace.stream.frame import MAX_DISTANCE
-from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
+from kinespace.stream.recognizer.live_windows import LiveWindows
 from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
@@ -253,13 +255,13 @@ def test_a_body_at_rest_is_answered_as_if_all_were_compared(
     """Names, guesses, events and motions that are done are the same; half of the still hops compare nothing."""
     first = {each.class_name: each for each in builtin.motions}
     frames = list(_with_pauses(list(first.values())[:4], noise, sway))
-    reads, read = [0], LiveWindows._read  # noqa: SLF001 - counted
+    reads, compared = [0], Comparer.distances
 
-    def counted(windows: LiveWindows) -> Compared:
-        reads[-1] += 1
-        return read(windows)
+    def counted(comparer: Comparer, signatures: list[Signature]) -> list[Distances]:
+        reads[-1] += len(signatures)
+        return compared(comparer, signatures)
 
-    monkeypatch.setattr(LiveWindows, "_read", counted)
+    monkeypatch.setattr(Comparer, "distances", counted)
     answers = []
     for rests in (True, False):
         if not rests:

@@ -34,9 +34,9 @@ _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
 )
 #: Words of columns (`words.toml`).
-_TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES = (
+_TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LENGTHS = (
     frozenset(WORDS["columns"][kind])
-    for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places")
+    for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places", "no_lengths")
 )
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
@@ -156,17 +156,22 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
     best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
-        found, units = dict[str, dict[str, int]](), set[str]()
+        found, units, measures = dict[str, dict[str, int]](), set[str](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' ").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 joint = f"{named['joint']}_{unit}" if unit and metres_of(unit) is None else named["joint"]
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
                 units.add(unit)
+                measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
-        others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
+        others = [
+            joint
+            for joint, axes in whole.items()
+            if joint in measures or _NO_PLACES & {*words_of(joint)} or (turns and len(axes) == 4)
+        ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
         if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):

@@ -345,6 +345,7 @@ def _tables() -> dict[str, Kind]:
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
         "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
+        "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1), more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people by name": (_two("Performer", "time", ("ann", "佐藤")), {"people": ("ann", "佐藤")}),
         "rotations": (table(more=[(f"Hips_rot_{axis}", 0.5) for axis in "xyz"] + [(f"Hips_q{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips_rot"}),

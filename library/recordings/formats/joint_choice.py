@@ -89,6 +89,9 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
         found = {person: each for person, each in people.items() if len(each) > 1}
         named = count and all(people) and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
+            if len(found) > 2:
+                # Beside two people what has no name in front is a thing.
+                found.pop("", None)
             return found
     return {"": dict(enumerate(labels))}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -136,6 +137,29 @@ def _motive() -> str:
         yield from (5.0, 5.0, 6.0, 1.0)
 
     return head + _frames(numbers, lambda index: f"{index},{index / RATE:.6f}")
+
+
+def _rigid() -> str:
+    """Motive's rigid bodies: each of their markers stands there as the body's, and as it was measured."""
+    names = [f"{who}:Marker {number}" for who in ("Front", "Back") for number in (1, 2)]
+    rows = (
+        ("", "Type", *["Rigid Body Marker"] * 12, *["Marker"] * 12),
+        ("", "Name", *(name for name in 2 * names for _ in "xyz")),
+        ("", "ID", *(f'"{sum(map(ord, name)):X}{n // 4}"' for n, name in enumerate(2 * names) for _ in "xyz")),
+        ("", "", *["Position"] * 24),
+        ("Frame", "Time (Seconds)", *"XYZ" * 8),
+    )
+    says = "Format Version,1.24,Take Name,Take 1,Take Notes,,Export Frame Rate,60.000000,Length Units,Millimeters\n\n"
+    front = 1000 * _PELVIS[:, :2].reshape(-1, 6)
+    measured = np.concatenate([front, front + np.tile([1500.0, 0, 0], 2)], axis=1)
+    frames = np.concatenate([measured + 7, measured], axis=1).tolist()
+    return (
+        says
+        + "".join(",".join(row) + "\n" for row in rows)
+        + "".join(
+            f"{n},{n / RATE:.6f}," + ",".join(f"{each:.4f}" for each in frame) + "\n" for n, frame in enumerate(frames)
+        )
+    )
 
 
 def _vicon(title: str = "Trajectories", axes: Sequence[str] = "XYZ", units: str = "mm,mm,mm") -> str:
@@ -321,6 +345,7 @@ def _tables() -> dict[str, Kind]:
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
         "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
+        "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1), more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people by name": (_two("Performer", "time", ("ann", "佐藤")), {"people": ("ann", "佐藤")}),
         "rotations": (table(more=[(f"Hips_rot_{axis}", 0.5) for axis in "xyz"] + [(f"Hips_q{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips_rot"}),
@@ -430,6 +455,14 @@ def _tables() -> dict[str, Kind]:
         "a row twice": (table().replace(row := table().splitlines(keepends=True)[9], 2 * row), {}),
         "frames a second in a comment": ("# 60 fps\n" + table(clock=None), {}),
         "a word in front": (table(head="joint.{}.{}".format), {}),
+        "degrees beside": (table(more=[(f"Spine9_{axis} ({unit})", 0.5) for axis in "xyz" for unit in ("deg", "°", "N")]), {"tells": "no positions: Spine9_deg, Spine9_n"}),
+        "newtons alone": (table(head=lambda name, axis: f"{name} {axis.upper()} [N]"), {"reads": False, "tells": "positions"}),
+        "numbers before the names": (table(head=lambda name, axis: f"{NAMES.index(name) + 1} - {name} {axis.upper()}"), {}),
+        "curves whose names stand three times": (",".join(3 * ["time", *NAMES]) + "\n" + ",".join(["0.5"] * 51) + "\n" + table().partition("\n")[2].replace("\n", ",1,2\n"), {"reads": False, "tells": "positions"}),
+        "a tick of several cameras": (_long("{frame},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("frame", "sync_index"), {"rate": 30.0, "tells": "frame numbers"}),
+        "frames of a film": (_in_front("video_frame,", lambda n, _: f"{n + 900},"), {"rate": 30.0, "tells": "frame numbers"}),
+        "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", table()), {"reads": False, "tells": "a spreadsheet"}),
+        "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     made = {name: Kind(**{"ending": "csv", "content": text.encode(), **said}) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
@@ -469,6 +502,8 @@ def _trcs() -> dict[str, Kind]:
     texts = {
         "header and times differ": (trc(rate="600.00"), {"tells": "600 frames a second"}),
         "rate 0": (trc(rate="0"), {}),
+        "counts in the singular": (trc().replace("NumFrames\tNumMarkers", "NumFrame\tNumMarker", 1), {}),
+        "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", trc()), {"reads": False, "tells": "a spreadsheet"}),
         "a frame more": (trc(frames=len(BODY) - 1), {"tells": "the header says 47, there are 48"}),
         "X5": (trc(first=5), {}),
         "X0": (trc(first=0), {}),

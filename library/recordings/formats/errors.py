@@ -11,6 +11,10 @@ from typing import NoReturn
 _NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#n/?a|null|none|undefined|missing", re.IGNORECASE)
 
 
+#: A number in which a spreadsheet of a country with decimal commas has taken the point for one of thousands.
+_THOUSANDS = re.compile(r"(?<![\d.])-?\d{1,3}(\.\d{3}){2,}(?![\d.])")
+
+
 class RecordingError(ValueError):
     """A recording cannot be found or used; the message names it and, where there is one, the line or byte."""
 
@@ -31,6 +35,12 @@ class Line:
 def refuse(path: Path, line: int, what: str) -> NoReturn:
     """Refuse a file because of one of its lines."""
     raise RecordingError(f"{path}:{line}: {what}")
+
+
+def spoilt(text: str) -> str:
+    """Say what a spreadsheet has done to a text's numbers; empty where it has not."""
+    found = _THOUSANDS.search(text)
+    return f"numbers like {found[0]}: a spreadsheet took their points for those of thousands" if found else ""
 
 
 def mended(words: Sequence[str]) -> list[str]:

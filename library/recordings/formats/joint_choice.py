@@ -16,6 +16,8 @@ _PLACE = re.compile(
 )
 #: Names that programs give to markers that have none.
 _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*", re.IGNORECASE)
+#: A marker's number in a system's list, before its name: `1 - Head`.
+_NUMBER = re.compile(r"\d+[ _\-.)]+(?=[^\W\d])")
 #: A mark between words.
 _MARK = re.compile(r"[ _\-./]+")
 #: Characters of a joint's name, at most.
@@ -87,6 +89,9 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
         found = {person: each for person, each in people.items() if len(each) > 1}
         named = count and all(people) and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
+            if len(found) > 2:
+                # Beside two people what has no name in front is a thing.
+                found.pop("", None)
             return found
     return {"": dict(enumerate(labels))}
 
@@ -104,9 +109,12 @@ def _cut(label: str, count: int) -> tuple[str, str]:
 def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
     """Leave out the part of each label before a colon (`ann:LHip`), and a word for a position behind it (`LHip_pos`).
 
-    Of a name that stands there twice the second gets `_2`, which a remark says.
+    Numbers before all names (`1 - Head`) go, too. Of a name that stands there twice the second gets `_2`, as a remark
+    says.
     """
     names = [plain(_after_colon(label)) for label in few(labels)]
+    bare = [_NUMBER.sub("", name, count=1) for name in names]
+    names = bare if all(map(_NUMBER.match, names)) and len({*bare}) == len({*names}) else names
     twice = list(dict.fromkeys(name for name in names if names.count(name) > 1))
     taken, found = {*names}, list[str]()
     for name in names:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import MAX_DISTANCE, Clip, as_numbers, is_near
-from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse
+from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
@@ -92,16 +92,17 @@ def why_no_table(path: Path) -> str:
         return arrays
     try:
         _begun(path, memory.MAX_MEMORY)
-        first = next(memory.lines(path, memory.MAX_LINE, errors="replace"), "").lower()
+        front = [*islice(memory.lines(path, memory.MAX_LINE, errors="replace"), _FRONT)]
     except csv.Error as error:
         return f"a table with {error}"
     except _DAMAGE:
         return ""
-    if is_numbers(re.split(r"[,;|\s]+", first.strip())):
+    named = ([coordinate_of(cell.strip()) for cell in re.split('[,;|\t"]', line)] for line in front)
+    if is_numbers(re.split(r"[,;|\s]+", "".join(front[:1]).strip())):
         return "numbers without a row of names above them, like time, head_x, head_y, head_z"
-    if any(f"{mark}x" in first and f"{mark}y" in first and f"{mark}z" not in first for mark in "_."):
+    if any({each[1] for each in cells if each} == {"x", "y"} for cells in named):
         return "columns x and y but no z: 2-D landmarks cannot be compared, their distances are no body's"
-    return ""
+    return next(filter(None, map(spoilt, front)), "")
 
 
 def read_clips(

@@ -34,9 +34,9 @@ _AXIS = re.compile(
     r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
 )
 #: Words of columns (`words.toml`).
-_TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES = (
+_TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LENGTHS = (
     frozenset(WORDS["columns"][kind])
-    for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places")
+    for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places", "no_lengths")
 )
 _PERSON = re.compile(
     r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
@@ -142,28 +142,36 @@ def _thrice(row: Sequence[str]) -> list[str]:
     """Give numbers to the three columns of a name that stands there thrice, once, or as pandas has it (`head.1`)."""
     bare = [_AGAIN.sub("", name.strip()) for name in row]
     names = _filled(bare, len(bare))
-    counts, seen = Counter(names), Counter[str]()
-    for place, name in enumerate(names):
-        seen[name] += 1
-        names[place] = f"{name}_{seen[name]}" if counts[name] == 3 and len(name) > 1 else row[place]
-    return names
+    counts, begin = Counter(names), {name: place for place, name in reversed([*enumerate(names)])}
+    return [
+        f"{name}_{place - begin[name] + 1}"
+        # Elsewhere a name is another curve's: angles and sensors beside each other.
+        if len(name) > 1 and counts[name] == 3 and names[begin[name] + 2] == name
+        else row[place]
+        for place, name in enumerate(names)
+    ]
 
 
 def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]]:
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
     best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
-        found, units = dict[str, dict[str, int]](), set[str]()
+        found, units, measures = dict[str, dict[str, int]](), set[str](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' "))):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' ").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 joint = f"{named['joint']}_{unit}" if unit and metres_of(unit) is None else named["joint"]
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
                 units.add(unit)
+                measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
-        others = [j for j, axes in whole.items() if _NO_PLACES & {*words_of(j)} or (turns and len(axes) == 4)]
+        others = [
+            joint
+            for joint, axes in whole.items()
+            if joint in measures or _NO_PLACES & {*words_of(joint)} or (turns and len(axes) == 4)
+        ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
         if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):
@@ -217,7 +225,10 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     above = [_filled(row, size) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
     below = below if rows[:place] else []
     kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
-    bones = any(cell.lower() == "bone" for row in above for cell in row)
+    said = {cell.lower() for row in above for cell in row}
+    bones = "bone" in said
+    # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
+    spare = {"marker", "bone marker", "rigid body"} if bones else {"rigid body marker"} if "marker" in said else {}
     ours = [
         column
         for column, axis in enumerate(axes)
@@ -225,12 +236,14 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         and not any(_NO_PLACES & {*words_of(row[column])} for row in kinds)
         # Degrees and newtons are no positions.
         and not any(row[column] and row[column] not in METRES for row in below)
-        # Of a skeleton's table the bones count, not the markers on them.
-        and not (bones and any(row[column].lower() in ("marker", "bone marker", "rigid body") for row in above))
+        and not any(row[column].lower() in spare for row in above)
     ]
     if not ours or not above:
         return None
-    named = max(above, key=lambda row: len({row[column] for column in ours}))
+    # The joints' row, not one that says rates and units.
+    named = max(
+        above, key=lambda row: len(set.intersection(*({row[c] for c in ours if axes[c] == axis} for axis in "xyz")))
+    )
     if len({(named[column], axes[column]) for column in ours}) < len(ours):
         # Another row tells the joints of several bodies apart.
         apart = (row for row in above if len({(row[c], named[c], axes[c]) for c in ours}) == len(ours))
@@ -267,7 +280,7 @@ def _header(
     parts = [c for c, each in words.items() if _PARTS >= {*each} > set()]
     times = [c for c, each in words.items() if _TIMES & {*each} or _SECONDS >= {*each} > set()]
     times = sorted({*times, *parts}) if len(parts) > 2 else times
-    frames = [c for c, each in words.items() if each[:1] and each[0] in _FRAMES]
+    frames = [c for c, each in words.items() if each and (each[0] in _FRAMES or each[-1] == "frame")]
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
     rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
@@ -305,5 +318,7 @@ def _plain(joints: _Columns) -> _Columns:
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
     front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
     if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
-        return {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}
+        bare = {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}
+        # `Marker 001` is a whole name.
+        return found if any(map(str.isdigit, bare)) else bare
     return found

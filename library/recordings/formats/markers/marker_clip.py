@@ -74,8 +74,11 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         raise ValueError(f"expected at least 2 labelled points, got {len(kept)}{others}")
     memory.require_numbers(len(positions) * len(kept) * 3)
     aside = [f"left out: {unnamed} without a name; --joints '*' takes all"] if unnamed else []
-    clips = list[Clip]()
-    for person, own in people_in([labels[index] for index in kept]).items():
+    clips, people = list[Clip](), people_in([labels[index] for index in kept])
+    theirs = {place for own in people.values() for place in own}
+    if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
+        aside.append(f"left out: no performer's: {', '.join(things[:5])}{' ...' if len(things) > 5 else ''}")
+    for person, own in people.items():
         names, twice = short_names([*own.values()])
         found = _seen(positions[:, [kept[each] for each in own]])
         found *= guessed_metres(found, names) if metres is None else metres

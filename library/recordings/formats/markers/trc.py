@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.recordings.formats.errors import mended, number_of, refuse
+from kinespace.library.recordings.formats.errors import mended, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.library.recordings.formats.timed_frames import timing
 from kinespace.library.recordings.formats.units import metres_of
 
 #: Lines within which the header begins, and words of which it has one.
-_FRONT, _RATES = 20, ("datarate", "numframes", "nummarkers")
+_FRONT, _RATES = 20, ("datarate", "numframe", "nummarker")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -42,11 +42,13 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 def _header(names: str, given: str) -> tuple[dict[str, str], bool]:
     """Read rates, counts and the unit by their names in small letters; say whether they stand in the names' line."""
-    keys, values = names.lower().split(), given.split()
+    # Some write NumFrame and NumMarker.
+    names = re.sub(r"(numframe|nummarker)(?!s)", r"\1s", names.lower())
+    keys, values = names.split(), given.split()
     if any(map(number_of, keys[1::2])):
         return dict(zip(keys[::2], keys[1::2], strict=False)), True
     if len(values) != len(keys):
-        keys, values = ([field.strip() for field in line.split("\t")] for line in (names.lower(), given))
+        keys, values = ([field.strip() for field in line.split("\t")] for line in (names, given))
     return dict(zip(keys, values, strict=False)), False
 
 
@@ -104,7 +106,8 @@ def _frames(
             notes.append(f"frames: the last line, {number}, is cut off and left out")
             break
         if len(row) < len(fields) or not 3 + lead <= len(row) <= columns:
-            refuse(path, number, f"expected {columns} numbers, got {len(row)} in {line.strip()[:40]!r}")
+            why = spoilt(line) or f"expected {columns} numbers, got {len(row)} in {line.strip()[:40]!r}"
+            refuse(path, number, why)
         values.extend(row + [math.nan] * (columns - len(row)))
         frames += 1
     memory.require_numbers(len(values))

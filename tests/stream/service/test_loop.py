@@ -14,6 +14,7 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performers, Recognition, Recognizer, osc
 from kinespace.stream.outputs import Sink
 from kinespace.stream.outputs.sink import Message
+from kinespace.stream.recognizer import performers
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
@@ -132,12 +133,13 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
     """
     classes = ["bow", "wave"]
 
-    def pushed(_: Recognizer, frame: Frame) -> Recognition:
+    def answered(frame: Frame) -> Recognition:
         index = int(frame.time >= 4)
         done = Done(frame.performer, classes[index], index, 0.0, 1.0, 0.9, 1.0, 1.0)
         return Recognition(frame.performer, frame.time, Outcome.STILL, tuple(classes), np.ones(2), 0.0, done=done)
 
-    monkeypatch.setattr(Recognizer, "push", pushed)
+    monkeypatch.setattr(Recognizer, "take", lambda _, frame: frame)
+    monkeypatch.setattr(performers, "answers_to", lambda due: [answered(each) for each in due])
 
     def perform(performer: str, *times: float) -> None:
         bench.perform([Frame(performer, time, _frames("bow")[0].positions) for time in times])

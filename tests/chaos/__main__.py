@@ -26,9 +26,8 @@ def table(outcomes: Sequence[Outcome]) -> str:
 
 def _row(outcome: Outcome) -> list[str]:
     ended = "" if outcome.ended == 0 else f" ENDED with {outcome.ended}"
-    noticed = "" if outcome.noticed is None else f" (noticed after {outcome.noticed:.2f} s)"
     return [
-        outcome.name + noticed + ended,
+        outcome.name + ended,
         f"{outcome.answered} / {outcome.expected}",
         _milliseconds(outcome.p99_before),
         _milliseconds(outcome.p99),

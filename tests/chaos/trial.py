@@ -101,9 +101,6 @@ class Outcome(NamedTuple):
         The recogniser's counts.
     ended
         The program's exit status: 0 when it ended on demand.
-    noticed
-        Seconds from the beginning of a fault until an answer said that joints cannot be believed; None if none did
-        while it lasted.
     """
 
     name: str
@@ -115,7 +112,6 @@ class Outcome(NamedTuple):
     recovered: float
     counted: str
     ended: int
-    noticed: float | None
 
 
 def started(options: Sequence[str] = (), place: Place = _ANY) -> Program:
@@ -208,7 +204,6 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
             performance.recovery(since),
             ", ".join(filter(None, [_counted(program.printed), line, *recordings])),
             status,
-            performance.noticed(begin, end) if trial.fault else None,
         )
 
 

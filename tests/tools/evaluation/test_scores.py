@@ -44,10 +44,6 @@ def _segment(times: np.ndarray, segments: Sequence[Segment]) -> np.ndarray:
 # --- bases of the figures ---------------------------------------------------------------------------------------
 
 
-def _basis(seconds: float, segments: int, persons: int | None) -> dict[str, object]:
-    return {"seconds": pytest.approx(seconds), "segments": segments, "persons": persons}
-
-
 def test_a_class_is_found_that_is_named_at_some_time() -> None:
     """Of the classes that takes contain the share counts that was named, if only once; guesses do not count."""
     still = np.full(64, NONE)
@@ -61,7 +57,7 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
     ]
     score = score_courses(takes, CLASSES, 1.0)
     assert score.values["takes_found"] == pytest.approx(1 / 3)
-    assert score.containing == _basis(2 * SECONDS, 2, 1)
+    assert score.containing == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
     assert (score.known["segments"], score.unknown["segments"]) == (0, 0)
     assert score.values["frame_accuracy"] is None
 

@@ -137,7 +137,7 @@ def page_of(program: Program) -> int:
 
 
 def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outcome:
-    """Run a trial of some seconds on a performer of these positions, (frames, 31, 3), metres, 120 a second, repeated."""
+    """Run a trial of some seconds on a performer of these positions, (frames, 31, 3), metres, 120 a second, again."""
     during = trial.lasts * seconds
     begin, end = _BEFORE, _BEFORE + during
     cues = cues_of(np.resize(positions, (round((end + _AFTER + _MEMORY) * FRAME_RATE), 31, 3)))

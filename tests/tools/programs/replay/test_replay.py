@@ -4,7 +4,7 @@ import json
 import re
 import threading
 from argparse import Namespace
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +14,7 @@ import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port, small_library
 from recorded import write_clip, write_clips
 
-from kinespace.library import Clip, MotionLibrary, Reading, opened, read_recordings
+from kinespace.library import MotionLibrary, Reading, opened, read_recordings
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout
@@ -160,17 +160,11 @@ def test_osc_answers_to_any_performer_are_counted(
     described = json.loads(capsys.readouterr().out)
     assert set(described) == KEYS
     assert (described["sent"], described["failed"]) == (180, 0)
-    answers, share = _expected_answers(library, clips[:1])
-    assert described["answers"] == answers > 20
-    assert described["right"] == round(share, 4)
-
-
-def _expected_answers(library: MotionLibrary, clips: Sequence[Clip]) -> tuple[int, float]:
-    """Give how many answers there are to some clips, and which share of them is right."""
     recognizer = Recognizer(library)
-    answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips, "me")]
+    answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips[:1], "me")]
     right = [answer.label == performed for performed, answer in answers if answer is not None]
-    return len(right), sum(right) / len(right)
+    assert described["answers"] == len(right) > 20
+    assert described["right"] == round(sum(right) / len(right), 4)
 
 
 def test_ctrl_c_ends_the_feed_and_reports(

@@ -8,23 +8,20 @@ from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import NoReturn
 
-import numpy as np
 import programs
 import pytest
 from films import demo_film as place_of_demo_film
 from hypothesis import settings
-from numpy.typing import NDArray
 from programs import LOOPBACK, builtin_library
 from refused import refuse
 from synthetic import stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_recordings, opened, read_recordings
-from kinespace.stream.osc import OscReceiver, udp
+from kinespace.stream.osc import OscReceiver
 from kinespace.tools.camera import models
 from kinespace.tools.camera.bodies import require_extra
 from kinespace.tools.cli.console import console
 from kinespace.tools.feeding.feed import resampled
-from kinespace.tools.programs import bench
 
 # The same examples in every run, therefore few, and no deadline: a slow machine is not a failure.
 settings.register_profile("kinespace", derandomize=True, deadline=None, max_examples=50)
@@ -169,12 +166,6 @@ def small_index(small_library: MotionLibrary) -> WindowIndex:
     return opened(small_library)
 
 
-@pytest.fixture(scope="session")
-def played() -> NDArray[np.float32]:
-    """Give the bench's positions: motions of the built-in library, 120 frames a second, (frames, joints, 3)."""
-    return bench.positions()
-
-
 @pytest.fixture(autouse=True)
 def _environment_as_before() -> Iterator[None]:
     """Give the next test the environment that this one found: programs that tests start inherit it."""
@@ -196,9 +187,3 @@ def stage() -> Iterator[OscReceiver]:
 def wide(monkeypatch: pytest.MonkeyPatch) -> None:
     """Give the tables that programs print 200 columns."""
     monkeypatch.setattr(console, "width", 200)
-
-
-@pytest.fixture
-def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make every packet seem to arrive at once, for tests with a clock of their own."""
-    monkeypatch.setattr(udp, "_MAX_WAITED", 0.0)

@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Sequence
 
-from chaos.trial import Effort, Outcome, tried
+from chaos.trial import Outcome, tried
 from chaos.trials import TRIALS
 
 from kinespace.tools.cli.console import progress
@@ -26,9 +26,8 @@ def table(outcomes: Sequence[Outcome]) -> str:
 
 def _row(outcome: Outcome) -> list[str]:
     ended = "" if outcome.ended == 0 else f" ENDED with {outcome.ended}"
-    noticed = "" if outcome.noticed is None else f" (noticed after {outcome.noticed:.2f} s)"
     return [
-        outcome.name + noticed + ended,
+        outcome.name + ended,
         f"{outcome.answered} / {outcome.expected}",
         _milliseconds(outcome.p99_before),
         _milliseconds(outcome.p99),
@@ -53,8 +52,8 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="TEXT,...", help="only trials whose names contain one of these")
     options = parser.parse_args()
     wanted = [each for each in TRIALS if any(text in each.name for text in options.only.split(","))]
-    positions, effort = bench.positions(), Effort(during=options.seconds)
-    outcomes = [tried(each, effort, positions) for each in progress(wanted, "Trials", len(wanted))]
+    positions = bench.positions()
+    outcomes = [tried(each, options.seconds, positions) for each in progress(wanted, "Trials", len(wanted))]
     print(f"{table(outcomes)}\n\n{machine()}")  # noqa: T201 - a program's output
     return 0 if all(each.ended == 0 for each in outcomes) else 1
 

@@ -24,17 +24,10 @@ from kinespace.tools.feeding.service import Listener, Place, Played, play
 Fault = Callable[[list[Cue]], list[Cue]]
 
 FRAME_RATE, ANSWER_RATE = 120.0, 30.0
+_STATUS = b"status/"
 NAMES = Announcement(INNOCENT, SKELETON.joints)
 #: Seconds of answers that show that all is well again, and the share of them that must have come in time.
 _WELL, _WELL_SHARE, _WELL_LATENCY = 0.5, 0.9, 0.05
-
-
-class Answer(NamedTuple):
-    """An answer: the time of its frame, when it came, and whether it doubts a joint."""
-
-    time: float
-    arrival: float
-    doubted: bool
 
 
 class Performance(NamedTuple):
@@ -46,39 +39,26 @@ class Performance(NamedTuple):
         When the schedule began.
     sent
         When each frame was sent, by the time in it.
-    answers
-        In the order in which they came.
+    came
+        When the first answer to each frame came, by the time in the frame.
     """
 
     begun: float
     sent: dict[float, float]
-    answers: list[Answer]
+    came: dict[float, float]
 
     @classmethod
     def of(cls, cues: Sequence[Cue], played: Played) -> "Performance":
         """Read the answers to cues, of which the last ones may not have been sent; of frames sent twice the first."""
-        packets = [(each, json.loads(each.packet[1])) for each in played.received if each.packet[0] != b"status/"]
-        answers = [
-            Answer(said["t"], each.arrival, bool(said["doubted"]) or said["outcome"] == "implausible")
-            for each, said in packets
-            if "t" in said
-        ]
+        answers = [(json.loads(each.packet[1]), each.arrival) for each in played.received if each.packet[0] != _STATUS]
         moments = [(cue.frame.time, at) for cue, at in zip(cues, played.sent[0], strict=False)]
-        return cls(played.begun, dict(reversed(moments)), answers)
+        came = {said["t"]: arrival for said, arrival in reversed(answers) if "t" in said}
+        return cls(played.begun, dict(reversed(moments)), came)
 
     def latencies(self, begin: float, end: float) -> NDArray[np.float64]:
         """Give the seconds from each frame to its answer, for frames sent between two moments of the schedule."""
-        found: dict[float, float] = {}
-        for answer in self.answers:
-            at = self.sent.get(answer.time, math.nan)
-            if begin <= at - self.begun < end:
-                found.setdefault(answer.time, answer.arrival - at)
-        return np.array(list(found.values()))
-
-    def noticed(self, begin: float, end: float) -> float | None:
-        """Give the seconds from a moment of the schedule until an answer, before another, doubted joints."""
-        since = (answer.arrival - self.begun for answer in self.answers if answer.doubted)
-        return next((seconds - begin for seconds in since if begin <= seconds < end), None)
+        due = ((self.sent.get(time, math.nan), at) for time, at in self.came.items())
+        return np.array([at - sent for sent, at in due if begin <= sent - self.begun < end])
 
     def recovery(self, end: float) -> float:
         """Give the seconds from a moment of the schedule until answers come as they should; infinite for never."""
@@ -121,7 +101,7 @@ class Performer:
 
     def __init__(self, place: Place, cues: Sequence[Cue], over: str) -> None:
         answers = ZmqReceiver(Endpoint(place.answers, bind=False), f"class/{INNOCENT}/".encode())
-        answers.socket.subscribe(b"status/")
+        answers.socket.subscribe(_STATUS)
         self._listener, self._cues = Listener(answers), cues
         to_zmq = Endpoint(place.frames, bind=False)
         self._sender = ZmqFrameSender(to_zmq) if over == "zmq" else OscFrameSender(*place.osc)
@@ -130,7 +110,7 @@ class Performer:
     def begin(self) -> float:
         """Begin once answers can come; give the moment, by `time.perf_counter`."""
         # The first status says that this subscriber is known.
-        while not any(each.packet[0] == b"status/" for each in self._listener.listen_until(time.perf_counter() + 0.05)):
+        while not any(each.packet[0] == _STATUS for each in self._listener.listen_until(time.perf_counter() + 0.05)):
             pass
         self._played = self._thread.submit(play, self._until_ended(), [self._sender], self._listener)
         return time.perf_counter()

@@ -6,18 +6,17 @@ import time
 from contextlib import closing
 from itertools import count
 
-import numpy as np
 import pytest
 from chaos.attacks import INNOCENT
 from chaos.performer import NAMES, cues_of
 from chaos.trial import ended_with, started
 from chaos.trials import TRIALS
-from numpy.typing import NDArray
 from programs import PATIENCE
 
 from kinespace.stream import zeromq
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.feeding.feed import OscFrameSender
+from kinespace.tools.programs import bench
 
 #: The attacks on one recogniser, one after the other, and the seconds of each.
 SUFFERED = [each.attack for each in TRIALS if each.attack and not each.first]
@@ -26,10 +25,10 @@ SECONDS = 0.25
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot hold a process")
-def test_nothing_ends_the_program(played: NDArray[np.float32]) -> None:
+def test_nothing_ends_the_program() -> None:
     """After all attacks and a stop a performer is answered, the attacks are counted, and the program ends well."""
     with started(["--signature", "paper"]) as program:
-        place = program.place()
+        place, positions = program.place(), bench.positions()[:120]
         for attack in SUFFERED:
             stop = threading.Event()
             threading.Timer(SECONDS, stop.set).start()
@@ -43,7 +42,7 @@ def test_nothing_ends_the_program(played: NDArray[np.float32]) -> None:
             for number in count():
                 # The name was another's a moment ago: it is this sender's once that has been silent.
                 sender.announce(NAMES)
-                for cue in cues_of(played[:120], 1.0 + number):
+                for cue in cues_of(positions, 1.0 + number):
                     sender.send(sender.encode(cue))
                     time.sleep(0.001)
                 if answers.socket.poll(100) or time.monotonic() > until:

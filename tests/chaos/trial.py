@@ -29,17 +29,10 @@ Attack = Callable[[Place, Event], None]
 _PATIENCE = 60.0
 #: Megabytes within which memory counts as given back.
 _BACK_WITHIN = 50.0
+#: Seconds before and after the attack, and after it until which memory is measured.
+_BEFORE, _AFTER, _MEMORY = 2.0, 3.0, 10.0
 #: Ports of the recogniser's own choice.
 _ANY = Place(("127.0.0.1", 0), "tcp://127.0.0.1:*", "tcp://127.0.0.1:*")
-
-
-class Effort(NamedTuple):
-    """Seconds before, during and after the attack; memory is measured until the end."""
-
-    before: float = 2.0
-    during: float = 5.0
-    after: float = 3.0
-    memory: float = 10.0
 
 
 class Trial(NamedTuple):
@@ -101,9 +94,6 @@ class Outcome(NamedTuple):
         The recogniser's counts.
     ended
         The program's exit status: 0 when it ended on demand.
-    noticed
-        Seconds from the beginning of a fault until an answer said that joints cannot be believed; None if none did
-        while it lasted.
     """
 
     name: str
@@ -115,7 +105,6 @@ class Outcome(NamedTuple):
     recovered: float
     counted: str
     ended: int
-    noticed: float | None
 
 
 def started(options: Sequence[str] = (), place: Place = _ANY) -> Program:
@@ -147,11 +136,11 @@ def page_of(program: Program) -> int:
     return next(each for each in children if "spawn_main" in Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8"))
 
 
-def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outcome:
-    """Run a trial on a performer of these positions, shape (frames, 31, 3), metres, 120 a second, repeated."""
-    during = trial.lasts * effort.during
-    begin, end = effort.before, effort.before + during
-    cues = cues_of(np.resize(positions, (round((end + effort.after + effort.memory) * FRAME_RATE), 31, 3)))
+def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outcome:
+    """Run a trial of some seconds on a performer of these positions, (frames, 31, 3), metres, 120 a second, again."""
+    during = trial.lasts * seconds
+    begin, end = _BEFORE, _BEFORE + during
+    cues = cues_of(np.resize(positions, (round((end + _AFTER + _MEMORY) * FRAME_RATE), 31, 3)))
     # After a jump of the body no answers come, without an attack, too.
     recognizer = Recognizer(MotionLibrary.builtin())
     due = sum(recognizer.push(cue.frame) is not None and begin <= cue.due < end for cue in cues)
@@ -190,8 +179,8 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
         attacker.join(_PATIENCE)
         ended = time.perf_counter() - begun
         most = max(most, memory_of(program))
-        _wait(begun + ended + effort.after)
-        while memory_of(program) > before + _BACK_WITHIN and time.perf_counter() < begun + ended + effort.memory:
+        _wait(begun + ended + _AFTER)
+        while memory_of(program) > before + _BACK_WITHIN and time.perf_counter() < begun + ended + _MEMORY:
             time.sleep(0.1)
         memory = (before, most, memory_of(program))
         # Ctrl-C while a program starts ends it with 1.
@@ -208,7 +197,6 @@ def tried(trial: Trial, effort: Effort, positions: NDArray[np.float32]) -> Outco
             performance.recovery(since),
             ", ".join(filter(None, [_counted(program.printed), line, *recordings])),
             status,
-            performance.noticed(begin, end) if trial.fault else None,
         )
 
 

@@ -13,17 +13,14 @@ from typing import Any
 import numpy as np
 from chaos import attacks
 from chaos.attacks import flood, publish
-from chaos.performer import FRAME_RATE, Fault
+from chaos.performer import FRAME_RATE
 from chaos.trial import Trial, kept, page_of
-from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary
-from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.feeding.service import Program
 
-_WRISTS = [SKELETON.joints.index(name) for name in ("lwrist", "rwrist")]
 #: Bytes after which a disk is full.
 _FULL = 100_000
 
@@ -42,29 +39,6 @@ def _network(cues: list[Cue]) -> list[Cue]:
 
 def _late_clock(cues: list[Cue]) -> list[Cue]:
     return [replace(cue, frame=replace(cue.frame, time=cue.frame.time + 1000.0)) for cue in cues]
-
-
-def _posed(change: Callable[[NDArray[np.floating], NDArray[np.floating]], NDArray[np.floating]]) -> Fault:
-    """Change the positions of every frame, given those of the first."""
-
-    def made(cues: list[Cue]) -> list[Cue]:
-        first = cues[0].frame.positions
-        return [replace(cue, frame=replace(cue.frame, positions=change(cue.frame.positions, first))) for cue in cues]
-
-    return made
-
-
-def _with(positions: NDArray[np.floating], joints: list[int], places: NDArray[np.floating]) -> NDArray[np.floating]:
-    changed = positions.copy()
-    changed[joints] = places
-    return changed
-
-
-def _elsewhere(cues: list[Cue]) -> list[Cue]:
-    """Put the body some metres away at each frame."""
-    places = 3.0 * np.random.default_rng(5).standard_normal((len(cues), 3)).astype(np.float32)
-    moved = [cue.frame.positions + place for cue, place in zip(cues, places, strict=True)]
-    return [replace(cue, frame=replace(cue.frame, positions=each)) for cue, each in zip(cues, moved, strict=True)]
 
 
 def _stop_and_go(program: Program, _: Path, seconds: float) -> str:
@@ -133,7 +107,6 @@ def _published(name: str, messages: Callable[[], Iterator[list[bytes]]], rate: f
     return Trial(f"ZeroMQ: {name}", partial(publish, messages, rate), "zmq")
 
 
-_MANY = "1,500 performers of one port, 12 frames a second"
 TRIALS: tuple[Trial, ...] = (
     Trial("nothing"),
     Trial("nothing, by ZeroMQ", over="zmq"),
@@ -170,9 +143,5 @@ TRIALS: tuple[Trial, ...] = (
     Trial("disk full while recording", deed=_full_disk, options="--record {folder}/a.kinerec"),
     Trial("killed while recording, begun again", killed=True, options="--record {folder}/a{number}.kinerec"),
     Trial("a recorder beside it killed (kill -9)", deed=_kill_a_recorder),
-    Trial("two wrists exchanged", fault=_posed(lambda here, _: _with(here, _WRISTS, here[_WRISTS[::-1]]))),
-    Trial("a wrist frozen", fault=_posed(lambda here, first: _with(here, _WRISTS[:1], first[_WRISTS[:1]]))),
-    Trial("the whole body elsewhere at each frame", fault=_elsewhere),
     Trial("the page's process killed (kill -9)", deed=_kill_the_page, options="--page 127.0.0.1:0"),
-    Trial("unit changed to millimetres", fault=_posed(lambda positions, _: positions * 1000)),
 )

@@ -548,12 +548,12 @@ def _trcs() -> dict[str, Kind]:
 # --- BVH -------------------------------------------------------------------------------------------------------------
 
 
-def _bvh_body(names: Sequence[str] = NAMES, *, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
+def _bvh_body(*, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
     """Give a hierarchy of the body's joints, and frames of small turns; every joint may have position channels."""
     above = dict(zip(NAMES[1:], (0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13, 14), strict=True))
     nodes = [
         Node(
-            names[index],
+            NAMES[index],
             tuple(BODY[0, index] - (BODY[0, above[NAMES[index]]] if index else 0)),
             (*MOVES, *TURNS) if moves or not index else TURNS,
         )

@@ -128,10 +128,9 @@ class FakeSink(Sink):
 class Bench:
     """A service among fakes, with a clock that the test turns; every sink gets the same."""
 
-    def __init__(self, performers: Performers, *sources: FakeSource, sinks: int = 1) -> None:
-        self.clock, self.sinks = FakeClock(), [FakeSink() for _ in range(sinks)]
-        self.sink, self.sources = self.sinks[0], sources
-        self.service = Service(performers, sources, self.sinks, clock=self.clock)
+    def __init__(self, performers: Performers, *sources: FakeSource) -> None:
+        self.clock, self.sink, self.sources = FakeClock(), FakeSink(), sources
+        self.service = Service(performers, sources, [self.sink], clock=self.clock)
 
     def step(self, seconds: float = 0.0) -> None:
         """Let some time pass, then make one step that does not wait."""

@@ -82,14 +82,12 @@ class Program:
 
 
 @contextmanager
-def started(
-    *arguments: object, environment: dict[str, str] | None = None, at: Path = ROOT, begins: Sequence[object] = _COMMAND
-) -> Iterator[Program]:
+def started(*arguments: object, at: Path = ROOT, begins: Sequence[object] = _COMMAND) -> Iterator[Program]:
     """Start `kinespace` with some arguments; a program that still runs at the end is killed."""
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
-            surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200", **(environment or {})}
+            surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200"}
             command = [*map(str, begins), *map(str, arguments)]
             process = subprocess.Popen(
                 command, cwd=at, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err

@@ -50,10 +50,10 @@ def write_clip(folder: Path, actor: str, class_name: str, take: int, *, frames: 
     return path
 
 
-def write_clips(folder: Path, *, actors: Sequence[str] = ("bd", "mm"), takes: int = 2, frames: int = 180) -> list[Path]:
+def write_clips(folder: Path, *, actors: Sequence[str] = ("bd", "mm"), takes: int = 2) -> list[Path]:
     """Write some clips of every class by every actor; give their paths."""
     return [
-        write_clip(folder, actor, class_name, take, frames=frames)
+        write_clip(folder, actor, class_name, take)
         for class_name in SWINGS
         for actor in actors
         for take in range(1, takes + 1)

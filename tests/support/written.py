@@ -1,13 +1,12 @@
 """Recordings that tests write: every format with a made-up body, and BVH made of Acclaim files."""
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import ezc3d
 import naive
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from synthetic import METRE, TinyBody, TinyBone, amc_text
 
@@ -72,24 +71,10 @@ def trc_text(
     return "\n".join(lines) + "\n"
 
 
-def write_c3d(  # noqa: PLR0913 - parameters of a C3D file
-    path: Path,
-    labels: Sequence[str],
-    positions: NDArray[np.float64],
-    *,
-    rate: float = 100.0,
-    unit: str = "mm",
-    angles: Sequence[str] = (),
-) -> None:
+def write_c3d(path: Path, labels: Sequence[str], positions: NDArray[np.float64], *, unit: str = "mm") -> None:
     """Write a C3D: positions (frames, points, 3) in its unit, NaN as points of residual -1."""
-    try:
-        import ezc3d  # noqa: PLC0415 - not on every machine
-    except ImportError:  # it reads no file for us: it is the other program that writes C3D
-        if os.environ.get("KINESPACE_COMPLETE") == "1":
-            pytest.fail("no ezc3d, and KINESPACE_COMPLETE=1 says that all that tests need is there", pytrace=False)
-        pytest.skip("no ezc3d")
     file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [rate]
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
     file["parameters"]["POINT"]["LABELS"]["value"] = tuple(labels)
     file["parameters"]["POINT"]["UNITS"]["value"] = [unit] if unit else []
     gone = np.isnan(positions).any(axis=2)
@@ -97,15 +82,13 @@ def write_c3d(  # noqa: PLR0913 - parameters of a C3D file
     points[:3] = np.moveaxis(np.where(gone[:, :, None], 0.0, positions), 2, 0).swapaxes(1, 2)
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = -gone.T[None].astype(np.float64)
-    if angles:
-        file.add_parameter("POINT", "ANGLES", list(angles))
     file.write(str(path))
 
 
-def csv_table(labels: Sequence[str], positions: NDArray[np.float64], *, rate: float = 100.0) -> str:
+def csv_table(labels: Sequence[str], positions: NDArray[np.float64]) -> str:
     """Give a table of joints: positions (frames, joints, 3) in its unit, NaN as empty fields."""
     heads = ["time", *(f"{label}_{axis}" for label in labels for axis in "xyz")]
-    rows = [[number / rate, *frame.ravel().tolist()] for number, frame in enumerate(positions)]
+    rows = [[number / 100.0, *frame.ravel().tolist()] for number, frame in enumerate(positions)]
     return "".join(
         ",".join("" if value != value else str(value) for value in row) + "\n"  # noqa: PLR0124 - only NaN differs from itself
         for row in [heads, *rows]

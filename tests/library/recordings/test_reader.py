@@ -12,12 +12,6 @@ from kinespace.library.recordings import RecordingError, RecordingReader, clips_
 from kinespace.tools.cli.main import main
 
 
-def _touch(folder: Path, *names: str) -> None:
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text("")
-
-
 def _write_arm(folder: Path, *names: str, frames: int = 3) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "arm.asf").write_text(ARM.asf())
@@ -32,7 +26,9 @@ def _write_arm(folder: Path, *names: str, frames: int = 3) -> list[Path]:
 def test_recordings_are_found_at_any_depth(tmp_path: Path) -> None:
     """Every .amc, in any case and at any depth, sorted, but places as they are given; a file given has any ending."""
     wanted = ["a.amc", "b/one.AMC", "b/two.Amc", "b/c/d/deep.amc", "walks.amc/one.amc"]
-    _touch(tmp_path, *wanted, "a.asf", "b/readme.txt", "b/c/one.amc.bak", "amc", "b/.amc")
+    for name in (*wanted, "a.asf", "b/readme.txt", "b/c/one.amc.bak", "amc", "b/.amc"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
     assert find_recordings([tmp_path]) == sorted(tmp_path / name for name in wanted)
     given = [tmp_path / name for name in ("walks.amc", "b/readme.txt", "b/c")]
     assert find_recordings(given) == [given[0] / "one.amc", given[1], given[2] / "d/deep.amc"]

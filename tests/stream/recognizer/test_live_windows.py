@@ -29,18 +29,14 @@ def _trembling_rows(noise: float, rate: float = 30.0) -> tuple[list[float], np.n
     return times, distance_rows(positions, clip.skeleton), distance_rows(shaken, clip.skeleton)
 
 
-def _smoother() -> RowSmoother:
-    skeleton = MotionLibrary.builtin().skeleton
-    return RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
-
-
 @pytest.mark.parametrize("together", [1, 3, 4])
 @pytest.mark.parametrize("begins", [50, 120])
 def test_a_feed_that_begins_to_tremble_is_smoothed_as_by_the_twin(begins: int, together: int) -> None:
     """At every hop the rows and the noise are the twin's: before, while and after, also as the memory moves back."""
     times, clean, shaken = _trembling_rows(0.03)
     rows = np.concatenate([clean[:begins], shaken[begins : begins + 30], clean[begins + 30 :]])
-    smoother, twin = _smoother(), NaiveSmoother(Body.of(MotionLibrary.builtin().skeleton).segments.tolist())
+    segments = Body.of(MotionLibrary.builtin().skeleton).segments
+    smoother, twin = RowSmoother(segments, rows.shape[1]), NaiveSmoother(segments.tolist())
     was_noisy = list[bool]()
     for begin in range(0, len(rows), together):
         some = rows[begin : begin + together].copy()

@@ -14,10 +14,6 @@ from kinespace.stream.teaching.movement import Movement, MovementMeter, StretchF
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 
 
-def _base() -> WindowIndex:
-    return opened(MotionLibrary.builtin())
-
-
 def _motions(class_name: str) -> list[Clip]:
     return [each for each in MotionLibrary.builtin().motions if each.actor == "bd" and each.class_name == class_name]
 
@@ -101,7 +97,8 @@ def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # n
 
 def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> None:
     """A kick among squats is as another's kick, and unlike them; with fewer than three of a class nobody knows."""
-    windows, squats = TaughtWindows(_base(), with_base=False), [("a", "squat1Reps", which) for which in range(3)]
+    windows = TaughtWindows(opened(MotionLibrary.builtin()), with_base=False)
+    squats = [("a", "squat1Reps", which) for which in range(3)]
     index = windows.index_of(_roster(*squats, ("a", "kickLFront1Reps", 0), ("b", "kickLFront1Reps", 1)))
     windows_of_each = [10 * each.duration - 5 for each in index.library.motions]
     assert np.bincount(index.motions) == pytest.approx(windows_of_each, abs=1)

@@ -16,24 +16,18 @@ from kinespace.tools.camera import models
 
 def main() -> None:
     """Fetch BlazePose's models and a film of a person, unless they are there."""
-    folder = models.cache()
     try:
-        models.models_at(None, "full")
-        complete = True
-    except OSError:
-        complete = False
-    if not complete:
-        print("setup: fetching the models of the camera's tests ...", flush=True)  # noqa: T201 - a program
         try:
+            models.models_at(None, "full")
+        except OSError:
+            print("setup: fetching the models of the camera's tests ...", flush=True)  # noqa: T201 - a program
             models.fetched(lambda _: None)
-        except OSError as error:
-            print(f"setup: {error}")  # noqa: T201 - as above
-    if not films.demo_film(folder).exists():
-        print("setup: fetching the film of the camera's tests ...", flush=True)  # noqa: T201 - as above
-        try:
-            films.fetched_demo(films.demo_film(folder))
-        except (subprocess.CalledProcessError, OSError) as error:
-            print(f"setup: Sports2D's film could not be fetched: {error}")  # noqa: T201 - as above
+    except OSError as error:
+        print(f"setup: {error}")  # noqa: T201 - as above
+    try:
+        films.fetched_demo(films.demo_film(models.cache()))
+    except (subprocess.CalledProcessError, OSError) as error:
+        print(f"setup: Sports2D's film could not be fetched: {error}")  # noqa: T201 - as above
 
 
 if __name__ == "__main__":

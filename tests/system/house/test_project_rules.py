@@ -14,8 +14,7 @@ from typing import Any, get_args
 
 import figures
 import pytest
-from figures import Figure
-from programs import LOOPBACK, ROOT
+from programs import ROOT
 
 import kinespace.library
 import kinespace.stream
@@ -193,11 +192,6 @@ found = [refused(udp.sendto, b"", (far, 9)) for far in ({FAR!r}, "224.0.0.251", 
 found += [refused(udp6.sendto, b"", (far, 9)) for far in ({FAR6!r}, "ff02::fb")]
 found += [refused(act, ({FAR!r}, 9)) for act in (udp.connect, socket.create_connection)]
 found += [refused(socket.getaddrinfo, {NAME!r}, 9), refused(socket.gethostbyname, {NAME!r})]
-udp.sendto(b"", ({LOOPBACK!r}, 9))
-udp6.sendto(b"", ("::1", 9))
-udp.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton({LOOPBACK!r}))
-udp.sendto(b"", ("224.0.0.251", 5353))
-socket.getaddrinfo("localhost", 9)
 udp.close()
 udp6.close()
 """
@@ -227,20 +221,7 @@ def test_every_evaluation_has_figures() -> None:
     """Every evaluation is written down, none beyond them; at least one of each experiment."""
     written = figures.expected()
     assert list(written) == list(figures.RUNS)
-    assert all(written.values())
-    for figure in (each for entries in written.values() for each in entries.values()):
-        assert figure.direction in {"higher", "lower"}
-        assert 0 < figure.tolerance < (1.0 if figure.direction == "higher" else 10.0)
     assert {arguments[0] for arguments in figures.RUNS.values()} == set(EXPERIMENTS)
-    assert set(figures.QUICK) < set(figures.RUNS)
-
-
-def test_a_figure_falls_one_way() -> None:
-    """A figure beyond its tolerance in its bad direction, or missing, has fallen; any better one has not."""
-    for direction, held, fallen in (("higher", (0.79, 1.0), (0.77, None)), ("lower", (0.81, 0.0), (0.83, None))):
-        figure = Figure(0.8, 0.02, direction)
-        assert all(map(figure.holds, held))
-        assert not any(map(figure.holds, fallen))
 
 
 HOUSE = Path(__file__).parents[3]

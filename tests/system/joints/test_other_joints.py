@@ -1,20 +1,12 @@
 """Bodies of other sets of recordings, and whether the built-in library says that it does not fit."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from kinespace.library import Reading, WindowIndex
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
-
-
-def _some(places: list[Path], count: int) -> list[Path]:
-    """Give so many of the recordings at most, from the whole list."""
-    return places[:: -(-len(places) // count)]
-
 
 #: Some takes of each set, and whether the built-in library names motions by its joints: by Kinect 1 and by films it
 #: guesses less than half of the time right (measuring.md), and says so.
@@ -37,7 +29,8 @@ def test_it_is_said_within_ten_seconds_whether_the_library_fits(
 ) -> None:
     """All but one of the takes that are long enough are judged as their whole set is."""
     pattern, unlike = SETS[name]
-    places = _some(sorted((data_folder / name).glob(pattern)), 5)
+    places = sorted((data_folder / name).glob(pattern))
+    places = places[:: -(-len(places) // 5)]
     takes = read_takes(Sources(places) if name == "utkinect" else Sources(unknown=places), Reading())
     found = [each for take in takes if (each := _decided(take, builtin_index)) is not None]
     assert len(found) >= 3
@@ -52,10 +45,6 @@ def _decided(take: Take, index: WindowIndex) -> bool | None:
     shown = range(clip.frames) if take.delivered is None else take.delivered.tolist()
     step = max(1, round(clip.frame_rate / 60))
     some = [frame for frame in shown if clip.times[frame] < SOON][::step]
-    _pushed(recognizer, clip.times[some], clip.positions[some])
-    return recognizer.unlike
-
-
-def _pushed(recognizer: Recognizer, times: Iterable[float], positions: Iterable[np.ndarray]) -> None:
-    for time, each in zip(times, positions, strict=True):
+    for time, each in zip(clip.times[some], clip.positions[some], strict=True):
         recognizer.push(Frame("p", float(time), each))
+    return recognizer.unlike

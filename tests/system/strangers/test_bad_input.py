@@ -20,7 +20,7 @@ from kinespace.stream.inputs import kinerec as rawfile
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.main import main
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
+pytestmark = pytest.mark.slow
 
 # --- what is refused --------------------------------------------------------------------------------------------------
 

@@ -192,12 +192,6 @@ def _files() -> dict[str, bytes]:
     return {_DETECTOR: b"detector", _FULL: b"landmarks"}
 
 
-def _packs(folder: Path, contents: Sequence[bytes]) -> None:
-    with zipfile.ZipFile(folder / "mediapipe.whl", "w") as wheel:
-        for number, content in enumerate(contents):
-            wheel.writestr(f"mediapipe/{number}.tflite", content)
-
-
 def test_models_are_fetched_checked_kept_and_read(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without npm pip fetches the wheel; the line names the folder, the files, the source and the licence."""
     monkeypatch.setattr("shutil.which", lambda _: None)
@@ -205,7 +199,9 @@ def test_models_are_fetched_checked_kept_and_read(place: Path, monkeypatch: pyte
 
     def run(command: Sequence[str], *, cwd: Path, **_: object) -> None:
         commands.append(command)
-        _packs(cwd, [b"other", *_files().values()])
+        with zipfile.ZipFile(cwd / "mediapipe.whl", "w") as wheel:
+            for number, content in enumerate([b"other", *_files().values()]):
+                wheel.writestr(f"mediapipe/{number}.tflite", content)
 
     monkeypatch.setattr(subprocess, "run", run)
     said: list[str] = []

@@ -4,7 +4,6 @@ import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from hypothesis import given
@@ -16,13 +15,13 @@ from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
 
 
-def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException, module: ModuleType = info) -> None:
+def fails_with(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     """Let a program fail."""
 
     def fail(*_: object, **__: object) -> int:
         raise error
 
-    monkeypatch.setattr(module, "run", fail)
+    monkeypatch.setattr(info, "run", fail)
 
 
 def test_the_command_tells_its_version() -> None:

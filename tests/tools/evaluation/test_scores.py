@@ -44,10 +44,6 @@ def _segment(times: np.ndarray, segments: Sequence[Segment]) -> np.ndarray:
 # --- bases of the figures ---------------------------------------------------------------------------------------
 
 
-def _basis(seconds: float, segments: int, persons: int | None) -> dict[str, object]:
-    return {"seconds": pytest.approx(seconds), "segments": segments, "persons": persons}
-
-
 def test_a_class_is_found_that_is_named_at_some_time() -> None:
     """Of the classes that takes contain the share counts that was named, if only once; guesses do not count."""
     still = np.full(64, NONE)
@@ -61,7 +57,7 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
     ]
     score = score_courses(takes, CLASSES, 1.0)
     assert score.values["takes_found"] == pytest.approx(1 / 3)
-    assert score.containing == _basis(2 * SECONDS, 2, 1)
+    assert score.containing == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
     assert (score.known["segments"], score.unknown["segments"]) == (0, 0)
     assert score.values["frame_accuracy"] is None
 
@@ -396,14 +392,11 @@ def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
     generator = np.random.default_rng(seed)
     values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
     figure = Percentile(values, percent)
-    assert figure.value() == _approx(naive_score.percentile([each for unit in values for each in unit], percent))
+    exact = naive_score.percentile([each for unit in values for each in unit], percent)
+    assert figure.value() == (None if exact is None else pytest.approx(exact))
     drawn = [naive_score.percentile(_repeated(values, counts), percent) for counts in naive_score.drawn_again(6, FIRST)]
     expected = naive_score.middle(drawn)
     assert figure.interval() == (expected and pytest.approx(expected))
-
-
-def _approx(value: float | None) -> object:
-    return None if value is None else pytest.approx(value)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -1,10 +1,8 @@
 """Takes and shows that are evaluated, gestures that teach, and peers."""
 
 import argparse
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from kinespace.library import NOTHING, MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
 from kinespace.library.recordings.formats.labels import LabelError, Segment
 from kinespace.stream import Settings
-from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation import evaluate_show
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
 from kinespace.tools.evaluation.evaluate_show import lengths_of
@@ -155,11 +152,3 @@ def test_beside_the_library_neither_its_classes_nor_the_performer_teach(
     assert [(each.actor, each.frames) for each in taught] == [("", each.frames) for each in show.examples]
     assert {each.class_name for each in compared} == {*builtin.classes}
     assert {each.actor for each in compared} == {*builtin.actors, ""} - {show.performer}
-
-
-def test_a_peer_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without the extra the program says what to install."""
-    monkeypatch.setitem(sys.modules, "aeon", ModuleType("aeon"))
-    monkeypatch.delitem(sys.modules, "aeon.classification", raising=False)
-    assert main(["evaluate", "peers"]) == 2
-    assert capsys.readouterr().err == "kinespace: aeon cannot be loaded: pip install 'kinespace[peers]'\n"

@@ -87,19 +87,14 @@ def test_positions_of_a_stream_come_as_frames() -> None:
         stamps = [begun + number / 60 for number in range(30)]
         for stamp in stamps:
             outlet.push_sample(positions.ravel().tolist(), stamp)
-        got = _received(receiver, 31)
+        got = list[object]()
+        until(lambda: got.extend(osc.decode(receiver.receive() or b"", 0.0).events) or len(got) >= 31)
     announced = [each for each in got if isinstance(each, Announcement)]
     frames = [each for each in got if isinstance(each, Frame)]
     assert announced[0] == Announcement("hall", JOINTS)
     np.testing.assert_allclose([each.time for each in frames], stamps, atol=CLOCKS)
     np.testing.assert_allclose(np.diff([each.time for each in frames]), 1 / 60, atol=0.002)
     np.testing.assert_allclose(frames[-1].positions, positions / 1000, rtol=1e-5)
-
-
-def _received(receiver: osc.OscReceiver, count: int) -> list[object]:
-    got = list[object]()
-    until(lambda: got.extend(osc.decode(receiver.receive() or b"", 0.0).events) or len(got) >= count)
-    return got
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 import json
 import signal
 import socket
-from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import cycle, islice
 from pathlib import Path
@@ -17,15 +16,9 @@ from kinespace.stream import Announcement, Settings
 from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import Source
 from kinespace.stream.inputs.decoder import FeedDecoder
-from kinespace.tools.feeding.feed import Cue
 from kinespace.tools.feeding.service import expected_answers
 from kinespace.tools.programs.ends import Unread, _lacking
 from kinespace.tools.programs.live import OSC_OUT
-
-
-def expected_of(cues: Sequence[Cue], settings: Settings | None = None) -> list[str]:
-    """Give the labels that will be answered."""
-    return [each.label for each in expected_answers(cues, builtin_library(), settings or Settings())]
 
 
 @pytest.mark.slow
@@ -50,7 +43,7 @@ def test_it_says_where_it_listens_and_answers(options: str, answering: str) -> N
 def test_every_frame_is_answered_that_is_due() -> None:
     """Over OSC the answers equal the expected ones, one by one, and the counts at the end are exact."""
     cues = ghost_cues("squat1Reps", 2.0)
-    expected = expected_of(cues)
+    expected = [each.label for each in expected_answers(cues, builtin_library(), Settings())]
     with live("--plain", "--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies") as stage:
         stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
         stage.play(cues)

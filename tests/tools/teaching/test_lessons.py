@@ -43,11 +43,11 @@ def library() -> MotionLibrary:
 class Stage:
     """The recognisers, the lessons and one listener, as a service holds them."""
 
-    def __init__(self, file: Path, library: MotionLibrary | None, joints: Sequence[str] = ()) -> None:
+    def __init__(self, file: Path, library: MotionLibrary | None) -> None:
         def performers(index: WindowIndex, classes: Sequence[str]) -> Performers:
             return Performers(index, classes=classes, joints=SentJoints())
 
-        self.lessons, self.heard = open_lessons(file, library, joints, performers), FakeSink()
+        self.lessons, self.heard = open_lessons(file, library, (), performers), FakeSink()
         self.lessons.sinks = [self.heard]
 
     def push(self, event: Admitted) -> Recognition | None:

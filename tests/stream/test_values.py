@@ -1,11 +1,14 @@
 """The values passed on: invalid ones are refused at the border; sums, rates and percentiles."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from performed import NAMED
 
-from kinespace.stream import Announcement, Frame
+from kinespace.stream import Announcement, Frame, Outcome
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.performers import PerformerCounts
@@ -65,6 +68,22 @@ def test_what_is_wrong_is_refused_by_name(name: str, value: object, expected: st
         if name in getattr(kind, "__slots__", ()):
             with pytest.raises(ValueError, match=f"{name}: expected {expected}"):
                 kind(**{field: fields[field] for field in kind.__slots__})
+
+
+# --- recognition ------------------------------------------------------------------------------------------------------
+
+
+NAMELESS = [outcome for outcome in Outcome if outcome is not Outcome.NAMED]
+
+
+@pytest.mark.parametrize("outcome", NAMELESS)
+def test_without_a_name_the_label_says_why(outcome: Outcome) -> None:
+    """Still and ambiguous windows name no class, index -1, and say their outcome; the scores are there all the same."""
+    nameless = dataclasses.replace(NAMED, outcome=outcome)
+    assert (nameless.class_index, nameless.class_name) == (-1, None)
+    assert nameless.label == outcome.value
+    assert type(nameless.label) is str
+    assert (nameless.best, nameless.score, nameless.second_index, nameless.margin) == (1, 0.75, 2, 0.25)
 
 
 # --- status -----------------------------------------------------------------------------------------------------------

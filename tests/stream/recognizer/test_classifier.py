@@ -1,5 +1,7 @@
 """Whole clips classified by scikit-learn's conventions."""
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -56,14 +58,19 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
     assert classifier.score(CLIPS[1::2], ["another"] * len(named)) == 0.0
 
 
-def test_whole_numbers_come_back_with_probabilities() -> None:
-    """They stay numbers, sorted as numbers; probabilities add up to 1, the largest at the named class."""
+def test_labels_come_back_as_they_came_with_probabilities() -> None:
+    """Whole numbers stay numbers, sorted as numbers; probabilities add up to 1, the largest at the named class."""
     numbers = [(2, 10, 1)[CLASSES.index(name)] for name in NAMES]
     classifier = MotionClassifier().fit(CLIPS, numbers)
-    assert (classifier.classes_.tolist(), classifier.predict(CLIPS).tolist()) == ([1, 2, 10], numbers)
+    assert (classifier.classes_.tolist(), classifier.classes_.dtype.kind) == ([1, 2, 10], "i")
+    assert classifier.predict(CLIPS).tolist() == numbers
+    assert classifier.score(CLIPS, numbers) == 1.0
     shares = classifier.predict_proba(CLIPS[:4])
     np.testing.assert_allclose(shares.sum(axis=1), 1.0)
     assert classifier.classes_[shares.argmax(axis=1)].tolist() == numbers[:4]
+    again = pickle.loads(pickle.dumps(copy.deepcopy(classifier)))  # noqa: S301 - our own
+    np.testing.assert_array_equal(again.predict_proba(CLIPS[:4]), shares)
+    assert repr(classifier) == "MotionClassifier(skeleton=None, frame_rate=120.0, hop=0.1, timing=0.5)"
 
 
 def test_arrays_are_clips_of_the_skeleton_given() -> None:

@@ -86,6 +86,15 @@ def test_changes_that_do_not_matter(
 
 
 @SIGNATURES
+def test_a_mirror_image_has_the_samepushed(small_library: MotionLibrary, feed: Feed, signature: LiveSignature) -> None:
+    """To the last bit: distances know no left and right. Courses do: what starts and is done may differ."""
+    mirrored = _moved(lambda positions: positions * [-1.0, 1.0, 1.0])(feed)
+    settings = replace(_settings(signature), progress=False)
+    answers = [pushed(Recognizer(small_library, settings), each) for each in (feed, mirrored)]
+    assert_same(*answers, "events", "done", "seen")
+
+
+@SIGNATURES
 def test_what_is_asked_twice_is_answered_twice(
     small_library: MotionLibrary, feed: Feed, signature: LiveSignature
 ) -> None:

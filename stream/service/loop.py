@@ -118,8 +118,9 @@ CLASSES_EVERY = 5.0
 REFUSED_EVERY = 1.0
 #: Seconds for which packets that have waited are taken in before some performers are answered, at most.
 _MAX_CATCHING_UP = 0.1
-#: Performers that are then answered, at least, before packets are taken in again: their frames are fresh.
-_TURNS = 4
+#: Performers that are then answered, at least, before packets are taken in again: their frames are fresh, and they are
+#: compared together.
+_TURNS = 8
 #: Further performers for each packet that was taken in: reading one takes a share of the time of an answer.
 _TURNS_A_PACKET = 1 / 32
 #: Seconds that no packet has waited.

@@ -236,6 +236,8 @@ class Courses:
     whitening
         What directions are multiplied by, shape (numbers, numbers): those in which people differ in one motion count
         less. None where too few classes are shown by several persons.
+    shared
+        Whether two persons or more show a class, shape (classes,).
     by_people
         Whether several persons show a class, and taught the whitening, shape (classes,).
     seconds
@@ -252,6 +254,7 @@ class Courses:
     screen: Screen = field(repr=False)
     limits: Floats = field(repr=False)
     whitening: Floats | None = field(repr=False)
+    shared: NDArray[np.bool_] = field(repr=False)
     by_people: NDArray[np.bool_] = field(repr=False)
     seconds: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
@@ -265,7 +268,7 @@ class Courses:
             none = Pieces.of(np.zeros((0, POINTS, 1)))
             empty = np.zeros(0)
             screen, limits, shown = Screen.of(none.courses), np.zeros((2, 0), np.float32), np.zeros(0, dtype=bool)
-            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, None, shown, empty, empty, ())
+            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, None, shown, shown, empty, empty, ())
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
@@ -287,7 +290,9 @@ class Courses:
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
         named, shown = tuple(classes.tolist()), by_people[starts]
-        known = cls(named, starts, both, screen, limits, whitening, shown, seconds, crossed, counts)
+        people = [name for name, _ in {(each.class_name, each.actor) for each in cut}]
+        shared = np.array([people.count(name) > 1 for name in named])
+        known = cls(named, starts, both, screen, limits, whitening, shared, shown, seconds, crossed, counts)
         return known.lowered([clip for clip in motions if clip.class_name == NOTHING])
 
     @property
@@ -310,12 +315,6 @@ class Courses:
     def begun(self) -> Pieces:
         """Their first parts."""
         return Pieces(*(each[len(self.seconds) :] for each in self.pieces))
-
-    @property
-    def several(self) -> frozenset[str]:
-        """The classes with several motions, beside rounds of one."""
-        others = np.maximum.reduceat(np.isfinite(self.crossed), self.starts) if len(self.starts) else ()
-        return frozenset(name for name, known in zip(self.classes, others, strict=True) if known)
 
     def lowered(self, unwanted: Sequence[Clip]) -> Self:
         """Lower the limits by motions that must not be said."""

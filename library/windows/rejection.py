@@ -225,7 +225,7 @@ def most_of_few(learned: Learned | None) -> int:
 
 
 def by_likelihood(classes: int) -> Rejection:
-    """Give numbers for a library of so many classes with too few motions to learn from.
+    """Give numbers for a library of so many classes of one person, or with too few motions to learn from.
 
     The thresholds are where these shares of everyday movement were named: `_EVERYDAY`.
     """
@@ -248,8 +248,13 @@ def rejection_of(index: WindowIndex) -> Rejection:
 
 
 def learned_rejection(index: WindowIndex) -> Rejection:
-    """Learn from a library's own motions how near known motions are, and unknown motions."""
+    """Learn from a library's own motions how near known motions are, and unknown motions.
+
+    Of one person's motions nothing is learned: three gestures, three times each, say little of all other movement.
+    """
     groups = len(index.comparison.weighing.groups)
+    if len(index.library.actors) < 2:
+        return by_likelihood(len(index.classes))
     known, unknown, classes = _asked(index)
     if len(known) < _MIN_WINDOWS or len(unknown) < _MIN_WINDOWS:
         return by_likelihood(len(index.classes))
@@ -259,8 +264,7 @@ def learned_rejection(index: WindowIndex) -> Rejection:
     slope[groups:] = np.maximum(slope[groups:], 0.0)
     typical = np.median(known, axis=0)
     thresholds = _thresholds((unknown - typical) @ slope, classes)
-    held = HELD if len({motion.actor for motion in index.library.motions}) > 1 else HELD_ONE
-    return Rejection(np.append(slope, 0.0), 0.0, {}, {}, thresholds, typical, held=held)
+    return Rejection(np.append(slope, 0.0), 0.0, {}, {}, thresholds, typical)
 
 
 def _thresholds(logits: NDArray[np.float64], classes: NDArray[np.intp]) -> NDArray[np.float64]:

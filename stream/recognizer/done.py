@@ -2,7 +2,7 @@
 
 Ten times a second the last positions are compared, by windows of several lengths, with every whole motion and with its
 first part (`library.windows.courses`). A motion begins when its first part is seen in two looks in a row, and was done
-when all of it is; of a class with one example one look is enough. The next motion may begin where this one ended.
+when all of it is; of one person's class one look is enough. The next motion may begin where this one ended.
 
 The windows of the recogniser say the same in another way. Where their evidence has been better than in nearly all
 everyday movement, a motion may cost more and is seen still; where it was not, less.
@@ -23,8 +23,7 @@ from kinespace.stream.recognition import Seen
 
 #: Steps from one look to the next.
 _LOOKS_EVERY = 3
-#: Looks in a row that must see the same class. The limits of a class with several motions are wider, so that a whole
-#: motion must be seen twice; the limits of one example hold in one look.
+#: Looks in a row that must see the same class; of one person's class a whole motion must be seen once.
 _LOOKS = 2
 #: The share of a window's way, at either end, in which the motion has not begun yet, or is over.
 _STILL_WAY = 0.02
@@ -33,9 +32,9 @@ _SHORTEST = 0.5
 #: Seconds for which evidence for a class counts, the power of e by which a limit grows with each unit, and the least
 #: growth.
 _EVIDENT_FOR, _GROWTH, _LEAST_GROWTH = 1.5, 0.2, 0.7
-#: The greatest growth of a limit: of a class with one motion; with several, and with those of several persons, whose
-#: limits are wider and must not reach motions that are broken off.
-_MOST_GROWTH, _MOST_SEVERAL, _MOST_PERSONS = 1.8, 1.3, 1.1
+#: The greatest growth of a limit: of one person's class; of two persons', and of several persons', whose limits are
+#: wider and must not reach motions that are broken off.
+_MOST_GROWTH, _MOST_SHARED, _MOST_PERSONS = 1.8, 1.3, 1.1
 #: Looks for which a motion that costs more than its own limit may come nearer.
 _WAITS = 3
 #: A course that costs so many times its limit is near.
@@ -187,9 +186,10 @@ class DoneFollower:
         self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._limits, self._several = np.float32(self._share) * courses.limits.ravel(), courses.several
+        self._limits = np.float32(self._share) * courses.limits.ravel()
+        self._shared = frozenset(name for name, shared in zip(courses.classes, courses.shared, strict=True) if shared)
         self._most_growth = {
-            name: _MOST_PERSONS if by_people else _MOST_SEVERAL if name in self._several else _MOST_GROWTH
+            name: _MOST_PERSONS if by_people else _MOST_SHARED if name in self._shared else _MOST_GROWTH
             for name, by_people in zip(courses.classes, courses.by_people.tolist(), strict=True)
         }
         #: The class of each whole motion, and of each first part.
@@ -336,7 +336,7 @@ class DoneFollower:
         near = max((each for each in (whole, begun) if each), key=lambda each: each.score, default=None)
         whole, begun = (each if each and each.score > 0.5 else None for each in (whole, begun))
         name = whole.class_name if whole else ""
-        done = self._nearest_of(whole if self._whole.sees(name, _LOOKS if name in self._several else 1) else None)
+        done = self._nearest_of(whole if self._whole.sees(name, _LOOKS if name in self._shared else 1) else None)
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()

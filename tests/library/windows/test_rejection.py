@@ -43,6 +43,13 @@ def _shares_known(index: WindowIndex, *, with_class: bool) -> list[float]:
     return [float(np.mean(np.array(logits) >= rejection.threshold_at(rate))) for rate in (0.05, 0.2, 0.4)]
 
 
+def test_one_persons_motions_teach_nothing_of_the_unknown(learning: WindowIndex) -> None:
+    """Three persons' motions do; the same motions as one person's are judged by likelihood ratios."""
+    motions = [replace(each, actor="ann") for each in learning.library.motions]
+    alone = WindowIndex.of(replace(learning.library, motions=tuple(motions)))
+    assert [each.rejection.by_likelihood for each in (learning, alone)] == [False, True]
+
+
 def test_evidence_is_read_off_each_group_alone() -> None:
     """A guess may be behind in one group, and lead another by more than counts; alone it leads by nothing."""
     groups = np.array([[0.5, 1.0, 4.0], [0.25, 0.0, -1.0]])

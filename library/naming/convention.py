@@ -77,7 +77,7 @@ class Convention:
     def spelled(self, labels: Sequence[str]) -> list[str]:
         """Spell labels by `spelling`, without the text in front of each name."""
         bare, front, both = _without_ends(tuple(labels))
-        ways = [[self._bare(label) for label in each] for each in (bare, front, both)]
+        ways = [[self.bare(label) for label in each] for each in (bare, front, both)]
         ways += [[self.sided.get(_sided(label), spelling(label)) for label in each] for each in (front, both)]
         return max(ways, key=self.known)
 
@@ -89,7 +89,8 @@ class Convention:
         """Count the names that belong to the convention."""
         return sum(name in self.targets for name in spelled)
 
-    def _bare(self, label: str) -> str:
+    def bare(self, label: str) -> str:
+        """Spell a label without a prefix that the convention's names may have."""
         bare = spelling(label)
         front = next((each for each in self.prefixes if bare.startswith(each)), "")
         rest = bare.removeprefix(front)
@@ -107,6 +108,15 @@ def _sided(label: str) -> str:
     """Spell a name by its side and what is left of it, wherever the side stands: `shoulder_L`, `leftShoulder`."""
     side = _SIDED.fullmatch(label)
     return f"{(side[1] or side[2] or side[5] or side[6])[0].lower()} {spelling(side[3] or side[4])}" if side else ""
+
+
+@lru_cache(maxsize=_MAX_REMEMBERED)
+def known_as(label: str) -> str:
+    """Give the spelling by which some convention knows a label alone; empty where none does."""
+    bare = _NAMESPACE.sub("", label) or label
+    ways = ((each.targets, each.bare(bare)) for each in conventions())
+    sided = _sided(bare) if any(_sided(bare) in each.sided for each in conventions()) else ""
+    return next((spelled for names, spelled in ways if spelled in names), sided)
 
 
 @lru_cache(maxsize=8)

@@ -44,6 +44,8 @@ _NEWER = 0.05
 _MAX_INTERVAL = 0.2
 #: Share of the joints that may be absent for long: their positions are NaN, and the frame is given out all the same.
 _LOST = 0.2
+#: Names of a performer's joints, at most.
+_MAX_NAMES = 128
 _NOWHERE = (math.nan, math.nan, math.nan)
 
 
@@ -255,6 +257,8 @@ class FrameAssembler:
         for sighting in reading.sightings:
             if sighting.position is None:
                 self.counts.unsure += 1
+                continue
+            if len(body.seen) >= _MAX_NAMES and sighting.joint not in body.seen:
                 continue
             # The next frame's first joint, or a late one.
             if sighting.joint in body.open and self._is_straggler(body):

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from kinespace.library.naming import spelling
+from kinespace.library.naming import known_as, spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
 from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset, pattern_of
 from kinespace.stream.osc.packet import Message, number_of
@@ -17,8 +17,6 @@ MAX_PERFORMER_LENGTH = 48
 #: Addresses and names that are remembered, at most; only a sender that makes them up reaches the limit.
 _MAX_REMEMBERED = 4096
 _MAX_UNKNOWN = 64
-#: Names of joints, at most, where a sender may send any.
-_MAX_NAMES = 1024
 
 
 class MessageError(ValueError):
@@ -177,8 +175,9 @@ class Mapper:
             index = int(known) - self.preset.order_from
             known = self._order[index] if 0 <= index < len(self._order) else known
         found = self._names.get(spelling(known))
-        if found is None and self.preset.closings.some and len(self._names) < _MAX_NAMES:
-            found = self._names[spelling(known)] = known
+        if found is None and self.preset.closings.some and (spelled := known_as(known)):
+            # However it is written, it is one joint: senders cannot invent many.
+            found = self._names.setdefault(spelled, known)
         if found is None and len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found

@@ -291,6 +291,8 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         msgspec.structs.force_setattr(self, "joint_map", joints)
         for table in self.tables:
             convention_named(table)
+        if self.tables and not self.closings.some:
+            raise ValueError(f"tables: expected some = true in [frame] with them, got {self.tables!r}")
         if len(self.sent) < 2:
             raise ValueError(f"joints: expected at least two joints, each with the library's name, got {joints!r}")
         if len(set(map(spelling, joints))) != len(joints):
@@ -328,9 +330,8 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     @property
     def sent(self) -> tuple[str, ...]:
         """The motion library's names of the joints that the sender sends, or may send."""
-        if self.closings.some:
-            return hdm05.SKELETON.joints
-        return tuple(dict.fromkeys(target for target in self.joint_map.values() if target))
+        any_of = hdm05.SKELETON.joints if self.closings.some else ()
+        return tuple(dict.fromkeys((*any_of, *filter(None, self.joint_map.values()))))
 
     def named(self, names: Sequence[str]) -> dict[str, str]:
         """Give the library's names for the names that a sender sends, in the library's order.

@@ -172,8 +172,8 @@ class _Filter:
         swing = log_swing(float(some.var(axis=0).sum())) - float(at @ moments.usual_swings)
         self._swing = _SIZE_KEPT * self._swing + swing
         self._swings = _SIZE_KEPT * self._swings + 1
-        # Half the probability lies below the phase.
-        phase = float(np.interp(0.5, at.cumsum() - 0.5 * at, self._phases))
+        # Half the probability lies below the phase; of the first moment's all lies behind it, of the last one's before.
+        phase = float(np.interp(0.5, at.cumsum() - self._phases * at, self._phases))
         return self._answer(phase, float(at[np.abs(self._phases - phase) <= _NEAR].sum()))
 
     def _goes_on(self) -> NDArray[np.float64]:

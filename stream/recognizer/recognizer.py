@@ -351,7 +351,7 @@ class Recognizer:
         return answers_to([due])[0] if due else None
 
     def take(self, frame: Frame) -> "Due | None":
-        """Take in a frame, as `push`; give what is due, for `answers_to`, before the next frame."""
+        """Take in a frame, as `push`; give what is due for `answers_to`, before which all calls are refused."""
         try:
             positions, time = frame.positions, frame.time
         except AttributeError:
@@ -362,7 +362,7 @@ class Recognizer:
         # As `_alone`, which costs as much as all the rest of a frame between hops.
         if self._busy:
             raise RuntimeError(_SECOND_THREAD)
-        self._busy = True
+        self._busy, taken = True, None
         try:
             if frame.performer != self._performer:
                 self._follow(frame.performer)
@@ -383,9 +383,10 @@ class Recognizer:
                     self._see(asked, costs_of([asked])[0])
                 return None
             self._set_due(time)
-            return Due(self, frame, windows, asked)
+            taken = Due(self, frame, windows, asked)
+            return taken
         finally:
-            self._busy = False
+            self._busy = taken is not None
 
     def _follow(self, performer: str) -> None:
         if self._performer is not None:
@@ -418,10 +419,13 @@ class Recognizer:
 
     def answer(self, due: "Due", seen: Compared, costs: NDArray[np.float32] | None) -> Recognition:
         """Give the answer that is due, from what its windows show, and from what whole motions cost."""
-        with self._alone():
-            if due.asked and costs is not None:
-                self._see(due.asked, costs)
-            return self._recognized(due.frame, due.windows, seen)
+        if due.asked and costs is not None:
+            self._see(due.asked, costs)
+        return self._recognized(due.frame, due.windows, seen)
+
+    def free(self) -> None:
+        """Take calls again: what was due is answered."""
+        self._busy = False
 
     def _begin_again(self) -> None:
         """Forget the rows, and what was read off them; a motion that goes on stays."""
@@ -561,15 +565,18 @@ class Due(NamedTuple):
 
 def answers_to(due: Sequence[Due]) -> list[Recognition]:
     """Answer several performers, whose windows are compared together: then the library comes from memory once."""
-    seen, costs = compare([each.windows for each in due]), dict[int, NDArray[np.float32]]()
     asked = [(place, each.asked) for place, each in enumerate(due) if each.asked]
-    for courses in {each.courses for _, each in asked}:
-        some = [(place, each) for place, each in asked if each.courses is courses]
-        costs.update(zip((place for place, _ in some), costs_of([each for _, each in some]), strict=True))
-    return [
-        each.recognizer.answer(each, shown, costs.get(place))
-        for place, (each, shown) in enumerate(zip(due, seen, strict=True))
-    ]
+    costs = dict[int, NDArray[np.float32]]()
+    try:
+        seen = compare([each.windows for each in due])
+        for courses in {each.courses for _, each in asked}:
+            places, some = zip(*((place, each) for place, each in asked if each.courses is courses), strict=True)
+            costs.update(zip(places, costs_of(some), strict=True))
+        shown = enumerate(zip(due, seen, strict=True))
+        return [each.recognizer.answer(each, own, costs.get(place)) for place, (each, own) in shown]
+    finally:
+        for each in due:
+            each.recognizer.free()
 
 
 def _begun_by_course(index: WindowIndex) -> frozenset[str]:

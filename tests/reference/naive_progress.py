@@ -84,11 +84,12 @@ def weighed(
 
 
 def median(belief: list[list[float]]) -> float:
-    """Give the phase below which half the probability lies, each moment's probability half before it, half behind."""
+    """Give the phase below which half the probability lies; of a moment's a share that is its phase lies behind it."""
     count, below, before = len(belief[0]), 0.0, (0.0, 0.0)
     for moment in range(count):
         own = math.fsum(each[moment] for each in belief)
-        middle, phase = below + own / 2, moment / (count - 1)
+        phase = moment / (count - 1)
+        middle = below + own * (1 - phase)
         if middle >= 0.5:
             start, least = before if moment else (phase, middle)
             return phase if middle == least else start + (phase - start) * (0.5 - least) / (middle - least)

@@ -292,6 +292,17 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
     assert all(np.isnan(each.positions).any(axis=1).sum() == 1 for each in lost)
 
 
+def test_things_beside_a_body_change_nothing() -> None:
+    """Names that no convention knows close no frame, take no room, and do not pile up."""
+    sender, names = _Sender(), [*NAMES]
+    sender.send([f"blob{number}" for number in range(3000)], 1)
+    for number in range(100):
+        sender.send([f"ball{number}"], 1, who=f"/thing{number}")
+    made = [each for number in range(30) for each in sender.send([*names, f"particle{number}"], 1, who="/ann")]
+    assert sum(isinstance(each, Frame) for each in made) >= 28
+    assert sender.assembler.counts.incomplete == sender.assembler.counts.no_room == 0
+
+
 @pytest.mark.parametrize("rotation", [(0.0,) * 4, (1e300,) * 4, (1e-20,) * 4])
 def test_a_rotation_that_is_none_is_no_rotation(rotation: tuple[float, ...]) -> None:
     """Zeros, and numbers too large or small for a direction, do not turn the bone."""

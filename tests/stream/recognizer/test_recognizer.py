@@ -23,6 +23,7 @@ from kinespace.library.windows.comparer import Comparer, Distances
 from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings, recognise
 from kinespace.stream.frame import MAX_DISTANCE
 from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.recognizer import answers_to
 from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
@@ -141,6 +142,13 @@ def test_every_change_is_for_one_thread_at_a_time(sticks: MotionLibrary) -> None
 
     meanwhile = replace(frames[100], time=Meanwhile(frames[100].time))
     answers = pushed(recognizer, [*frames[:100], meanwhile, *frames[101:]])
+    # What is due is answered before anything else.
+    again = Recognizer(sticks)
+    due = next(due for frame in frames if (due := again.take(frame)))
+    with pytest.raises(RuntimeError, match="used by one thread at a time"):
+        again.reset()
+    assert len(answers_to([due])) == 1
+    again.reset()
     assert_same(answers, pushed(Recognizer(sticks), frames), "events")
 
 

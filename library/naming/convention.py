@@ -114,9 +114,14 @@ def _sided(label: str) -> str:
 def known_as(label: str) -> str:
     """Give the spelling by which some convention knows a label alone; empty where none does."""
     bare = _NAMESPACE.sub("", label) or label
-    ways = ((each.targets, each.bare(bare)) for each in conventions())
-    sided = _sided(bare) if any(_sided(bare) in each.sided for each in conventions()) else ""
-    return next((spelled for names, spelled in ways if spelled in names), sided)
+    ways = (spelling(bare), *(each.bare(bare) for each in conventions() if each.prefixes), _sided(bare))
+    return next((each for each in ways if each in _every_name()), "")
+
+
+@cache
+def _every_name() -> frozenset[str]:
+    """Give all names of all conventions, spelled, and by their sides."""
+    return frozenset(name for each in conventions() for name in (*each.targets, *each.sided))
 
 
 @lru_cache(maxsize=8)

@@ -131,9 +131,9 @@ class WindowIndex:
         likelihood = Likelihood.of(self.vectors, self._windows.classes) if judged else None
         return self._windows._replace(likelihood=likelihood, head=self.head and self.head.of_classes(self.classes))
 
-    def distances(self, signature: Signature) -> Distances:
-        """Compare a window with all windows."""
-        return self.comparer.distances([signature])[0]
+    def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
+        """Compare some windows with all windows, together."""
+        return self.comparer.distances(signatures)
 
     @cached_property
     def rejection(self) -> Rejection:

@@ -44,7 +44,7 @@ _NEWER = 0.05
 _MAX_INTERVAL = 0.2
 #: Share of the joints that may be absent for long: their positions are NaN, and the frame is given out all the same.
 _LOST = 0.2
-#: Names of a performer's joints, at most.
+#: Names of a performer's joints by which a convention is found, at most: no body has so many.
 _MAX_NAMES = 128
 _NOWHERE = (math.nan, math.nan, math.nan)
 
@@ -258,8 +258,6 @@ class FrameAssembler:
             if sighting.position is None:
                 self.counts.unsure += 1
                 continue
-            if len(body.seen) >= _MAX_NAMES and sighting.joint not in body.seen:
-                continue
             # The next frame's first joint, or a late one.
             if sighting.joint in body.open and self._is_straggler(body):
                 self.counts.late += 1
@@ -328,7 +326,7 @@ class FrameAssembler:
             return
         self.counts.closed_by[str(by)] += 1
         joints = self._coming_joints(body) if self.preset.closings.some else self._needed
-        targets = tuple(dict.fromkeys(joints.values()))
+        targets = tuple(dict.fromkeys(joints.values())) if self.preset.closings.some else self._targets
         places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened, joints)
         if not places:
             self.counts.incomplete += 1
@@ -360,7 +358,7 @@ class FrameAssembler:
 
     def _coming_joints(self, body: _Body) -> Mapping[str, str]:
         """Give the joints that came in the last seconds, with the library's names."""
-        came = tuple(name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER)
+        came = tuple(name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER)[:_MAX_NAMES]
         if body.came != came:
             named = self.preset.named(came)
             body.came, body.named = came, {name: target for name, target in named.items() if target}

@@ -334,19 +334,20 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         return tuple(dict.fromkeys((*any_of, *filter(None, self.joint_map.values()))))
 
     def named(self, names: Sequence[str]) -> dict[str, str]:
-        """Give the library's names for the names that a sender sends, in the library's order.
+        """Give the library's names for the joints that a sender sends, in the library's order where it sends any.
 
         Empty where the library has no such joint; names that are not known are left out.
         """
+        if not self.closings.some:
+            return {name: self.joint_map[name] for name in names}
         own = {spelling(name): target for name, target in self.joint_map.items()}
-        if self.closings.some:
-            others = [name for name in names if spelling(name) not in own]
-            if convention := Naming().read(others).convention or self._table_of(others):
-                read = zip(others, convention.spelled(others), Naming(convention).read(others).joints, strict=True)
-                known = {spelling(name): joint for name, spelled, joint in read if spelled in convention.targets}
-                own |= {name: joint if joint in _OURS else "" for name, joint in known.items()}
         found = {name: own[spelling(name)] for name in names if spelling(name) in own}
-        return dict(sorted(found.items(), key=lambda each: _OURS.get(each[1], -1))) if self.closings.some else found
+        others = [name for name in names if name not in found]
+        if convention := Naming().read(others).convention or self._table_of(others):
+            read = zip(others, convention.spelled(others), Naming(convention).read(others).joints, strict=True)
+            known = {name: joint for name, spelled, joint in read if spelled in convention.targets}
+            found |= {name: joint if joint in _OURS else "" for name, joint in known.items()}
+        return dict(sorted(found.items(), key=lambda each: _OURS.get(each[1], -1)))
 
     def _table_of(self, names: Sequence[str]) -> Convention | None:
         """Of few joints, give the first table that knows most."""

@@ -293,7 +293,7 @@ def compare(read: Sequence[LiveWindows]) -> list[Compared]:
     new = [each for each in read if each.seen is None or each.seen.signature is not each.signature]
     for index in {each.index for each in new}:
         some = [(each, each.signature) for each in new if each.index is index and each.signature]
-        found = index.comparer.distances([own for _, own in some])
+        found = index.distances([own for _, own in some])
         for (each, own), distances in zip(some, found, strict=True):
             each.seen = Compared(own, distances)
     return [each.seen for each in read if each.seen]

@@ -191,5 +191,5 @@ def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
             part: generator.normal(size=(4, directions.shape[1]) if part.kind is Kind.EIGEN else len(directions))
             for part in weighing.parts
         }
-        found = compared.distances(Signature(numbers, np.zeros(directions.shape[1]), 0.1, 0.5, 0.5))
+        (found,) = compared.distances([Signature(numbers, np.zeros(directions.shape[1]), 0.1, 0.5, 0.5)])
         assert np.allclose(found.named, weighing.named(found.logs)) != helps

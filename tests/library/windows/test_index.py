@@ -58,7 +58,7 @@ def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping
 
 def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
     """Compare one window with every window of an index, as at each hop."""
-    return index.distances(_shown(index, numbers)).logs
+    return index.distances([_shown(index, numbers)])[0].logs
 
 
 def _shown(index: WindowIndex, numbers: Mapping[Part, np.ndarray], leading: np.ndarray | None = None) -> Signature:

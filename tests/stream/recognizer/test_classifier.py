@@ -47,7 +47,7 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
             late = timing * np.abs(np.log((end / 60 + 0.3) / (index.since + 0.3)))
             logs.append(list(nearest(np.log(squared).mean(axis=0) + late, *zip(*whose, strict=True)).values()))
         else:
-            logs.append(index.distances(signature).named)
+            logs.append(index.distances([signature])[0].named)
     scores = classifier.decision_function(CLIPS[1::2])
     weights = [min(end / 60, 0.6) ** 2 for end in ends.tolist()]
     np.testing.assert_allclose(scores[0], np.average(1 / (1 + np.exp(logs)), axis=0, weights=weights), rtol=2e-3)

@@ -50,6 +50,38 @@ def test_what_is_promised_and_missed(sticks: MotionLibrary, settings: Settings, 
     assert Performers(sticks, settings).promise == (promised, missed)
 
 
+# --- overload ----------------------------------------------------------------------------------------------------
+
+
+def test_in_overload_everybody_is_answered_as_alone(sticks: MotionLibrary) -> None:
+    """Compared together, some of them by fewer joints, each performer gets the answers that it gets alone."""
+    names = [f"p{number}" for number in range(11)]
+    feeds = {name: _frames(name, STICK_CLASSES[place % 3])[place:] for place, name in enumerate(names)}
+    feeds |= {name: _with_joints(feeds[name], range(5)) for name in names[::4]}
+    joined = [Announcement(name, FIVE) for name in names[::4]]
+
+    def answered(some: Sequence[str]) -> list[Recognition]:
+        performers, answers = Performers(sticks), list[Recognition]()
+        performers.push_all([each for each in joined if each.performer in some], 0.0, newest_only=True)
+        for begin in range(0, 180, 12):
+            events = [frame for name in some for frame in feeds[name][begin : begin + 12]]
+            told = performers.push_all(events, 0.0, newest_only=True)
+            assert all(answer is None or answer.time == event.time for event, answer in zip(events, told, strict=True))
+            answers += filter(None, told)
+        return answers
+
+    together = answered(names)
+    assert {each.performer for each in together} == {*names}
+    for name in names:
+        own, alone = [each for each in together if each.performer == name], answered([name])
+        for one, other in zip(own, alone, strict=True):
+            assert (one.time, one.outcome, one.label) == (other.time, other.outcome, other.label)
+            assert (one.guess_index, _told(one.events)) == (other.guess_index, _told(other.events))
+            assert (one.done and one.done.label) == (other.done and other.done.label)
+            # Beside others numbers are rounded otherwise.
+            np.testing.assert_allclose(one.scores, other.scores, atol=1e-4)
+
+
 # --- joints ------------------------------------------------------------------------------------------------------
 
 

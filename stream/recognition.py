@@ -23,7 +23,7 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
     #: The two leading eigenvalues are nearly equal: the eigenvector is any direction between two.
     AMBIGUOUS = "ambiguous"
-    #: The body moves as no body can, or too few joints can be believed (`stream.recognizer.plausibility`).
+    #: The body moves as no body can, or too few joints can be believed (`stream.recognizer.joints`).
     IMPLAUSIBLE = "implausible"
 
 

@@ -1,7 +1,7 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
 There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts again after
-gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`mending`), what the
+gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`joints`), what the
 windows show and how near the library's are (`live_windows`), what that means (`decision`), how far the motion is
 (`progress`), and whether a motion was really done (`done`).
 """
@@ -24,8 +24,8 @@ from kinespace.stream.recognition import Done, Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision, SoFar
 from kinespace.stream.recognizer.done import Asked, DoneFollower, Found, Look, costs_of
 from kinespace.stream.recognizer.fitting import FeedKind, Fitting
+from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.live_windows import Compared, Covariance, LiveWindows, RowSmoother, compare
-from kinespace.stream.recognizer.mending import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, needed_lead, threshold_for
 

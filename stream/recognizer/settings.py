@@ -77,7 +77,7 @@ class Settings:
         from strangers' movement. 0 looks for none. WINDOWS only; with the paper's signature none is looked for.
     plausibility
         Whether joints that cannot be believed are left out, and windows begin again after a jump of the body
-        (`stream.recognizer.mending`). Without it every joint of every frame is believed.
+        (`stream.recognizer.joints`). Without it every joint of every frame is believed.
 
     Raises
     ------

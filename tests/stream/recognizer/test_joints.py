@@ -15,8 +15,7 @@ from kinespace.library.windows.segments import FLAT
 from kinespace.stream import Announcement, Frame, Outcome, Performers, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
-from kinespace.stream.recognizer.mending import BELIEVED_AFTER, HELD, Joints
-from kinespace.stream.recognizer.plausibility import SAME_PLACE, Plausibility, Step, steps_of
+from kinespace.stream.recognizer.joints import BELIEVED_AFTER, HELD, SAME_PLACE, Joints, Plausibility, Step, steps_of
 from kinespace.stream.recognizer.settings import threshold_for, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 

@@ -69,7 +69,7 @@ _OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 #: Persons of a class, and classes of so many persons (or most), at least, by whom it is learned how people differ in
 #: one motion; the share of equal scatter.
-_PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
+PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
 #: Limits of these classes' whole motions are such shares of what other classes and everyday movement cost, and at most
 #: this; but at most so many times what this share of a class's motions cost each other, unless that is below the last.
 _OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.82, 0.92), 0.62, 1.8, 0.8, 0.65
@@ -236,10 +236,8 @@ class Courses:
     whitening
         What directions are multiplied by, shape (numbers, numbers): those in which people differ in one motion count
         less. None where too few classes are shown by several persons.
-    shared
-        Whether two persons or more show a class, shape (classes,).
-    by_people
-        Whether several persons show a class, and taught the whitening, shape (classes,).
+    persons
+        How many persons show each class, shape (classes,).
     seconds
         How long each motion lasts, shape (motions,).
     crossed
@@ -254,8 +252,7 @@ class Courses:
     screen: Screen = field(repr=False)
     limits: Floats = field(repr=False)
     whitening: Floats | None = field(repr=False)
-    shared: NDArray[np.bool_] = field(repr=False)
-    by_people: NDArray[np.bool_] = field(repr=False)
+    persons: NDArray[np.intp] = field(repr=False)
     seconds: Numbers = field(repr=False)
     crossed: Numbers = field(repr=False)
     counts: tuple[int, ...]
@@ -265,14 +262,16 @@ class Courses:
         """Cut the courses out of motions over one skeleton."""
         cut = sorted(_cut(motions), key=lambda each: (each.class_name, len(each.points)))
         if not cut:
-            none = Pieces.of(np.zeros((0, POINTS, 1)))
-            empty = np.zeros(0)
-            screen, limits, shown = Screen.of(none.courses), np.zeros((2, 0), np.float32), np.zeros(0, dtype=bool)
-            return cls((), np.zeros(0, dtype=np.intp), none, screen, limits, None, shown, shown, empty, empty, ())
+            none, places, numbers = Pieces.of(np.zeros((0, POINTS, 1))), np.zeros(0, dtype=np.intp), np.zeros(0)
+            screen, limits = Screen.of(none.courses), np.zeros((2, 0), np.float32)
+            return cls((), places, none, screen, limits, None, places, numbers, numbers, ())
         names = [each.class_name for each in cut]
         classes, starts, of_class = np.unique(names, return_index=True, return_inverse=True)
         whole, begun = (np.concatenate([each.read(share) for each in cut]) for share in (1.0, BEGUN))
-        whitening, by_people = _whitening(whole, cut, of_class)
+        people = [name for name, _ in {(each.class_name, each.actor) for each in cut}]
+        persons = np.array([people.count(name) for name in classes])
+        whitening = _whitening(whole, cut, of_class, persons)
+        by_people = (persons >= PERSONS)[of_class] & (whitening is not None)
         pieces = Pieces.of(whole, whitening), Pieces.of(begun, whitening)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed = _crossed(pieces[0], cut, of_class)
@@ -289,10 +288,8 @@ class Courses:
         counts, limits = _counts(float(seconds.max())), np.maximum(limits, np.float32(_TINY))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
         screen, crossed = Screen.of(both.courses), crossed / limits[0]
-        named, shown = tuple(classes.tolist()), by_people[starts]
-        people = [name for name, _ in {(each.class_name, each.actor) for each in cut}]
-        shared = np.array([people.count(name) > 1 for name in named])
-        known = cls(named, starts, both, screen, limits, whitening, shared, shown, seconds, crossed, counts)
+        named = tuple(classes.tolist())
+        known = cls(named, starts, both, screen, limits, whitening, persons, seconds, crossed, counts)
         return known.lowered([clip for clip in motions if clip.class_name == NOTHING])
 
     @property
@@ -301,10 +298,14 @@ class Courses:
         return np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right") - 1
 
     @property
+    def of_few(self) -> frozenset[str]:
+        """The classes that few people show."""
+        return frozenset(name for name, persons in zip(self.classes, self.persons, strict=True) if persons < PERSONS)
+
+    @property
     def beside_others(self) -> frozenset[str]:
         """The classes of few people, where several persons show others."""
-        few = zip(self.classes, self.by_people.tolist(), strict=True) if self.by_people.any() else ()
-        return frozenset(name for name, by_people in few if not by_people)
+        return self.of_few if self.whitening is not None else frozenset()
 
     @property
     def whole(self) -> Pieces:
@@ -465,8 +466,8 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
 
 
 def _whitening(
-    whole: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp]
-) -> tuple[Floats | None, NDArray[np.bool_]]:
+    whole: Floats, cut: Sequence[_Cut], of_class: NDArray[np.intp], persons: NDArray[np.intp]
+) -> Floats | None:
     """Learn how people differ in one motion, to weigh directions by it (within-class covariance, Hatch et al. 2006).
 
     Each motion differs from the nearest one of every other person. All classes that enough persons show count alike.
@@ -475,25 +476,25 @@ def _whitening(
     ----------
     whole
         The motions at equal way, shape (motions, POINTS, numbers).
+    cut, of_class, persons
+        The motions, the class of each, and how many persons show each class.
 
     Returns
     -------
-    Shape (numbers, numbers), and whether each motion's class taught it; None and False where too few classes could.
+    Shape (numbers, numbers); None where too few classes could teach it.
     """
-    actors = np.array([each.actor for each in cut])
-    people_of = [np.unique(actors[of_class == place]) for place in np.unique(of_class)]
-    shown = np.array([len(people) >= _PERSONS for people in people_of])
-    if shown.sum() < min(_CLASSES, len(shown) // 2 + 1):
-        return None, np.zeros(len(cut), dtype=bool)
-    numbers, courses = whole.shape[2], Pieces.of(whole).courses
+    shown = np.flatnonzero(persons >= PERSONS)
+    if len(shown) < min(_CLASSES, len(persons) // 2 + 1):
+        return None
+    actors, numbers, courses = np.array([each.actor for each in cut]), whole.shape[2], Pieces.of(whole).courses
     scatter = np.zeros((numbers, numbers))
-    for place in np.flatnonzero(shown).tolist():
-        own, people = of_class == place, people_of[place]
-        for person in people:
+    for place in shown.tolist():
+        own = of_class == place
+        for person in np.unique(actors[own]):
             theirs, others = courses[own & (actors == person)], courses[own & (actors != person)]
             differ = (others - theirs[(others @ theirs.T).argmax(axis=1)]).reshape(-1, numbers)
-            scatter += differ.T @ differ / (len(differ) * len(people))
-    return whitened(scatter, _SHRINKAGE).astype(np.float32), shown[of_class]
+            scatter += differ.T @ differ / (len(differ) * persons[place])
+    return whitened(scatter, _SHRINKAGE).astype(np.float32)
 
 
 def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, whitening: Floats | None) -> Numbers:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.courses import MAX_WAY, POINTS, Courses, Pieces, at_equal_way, share_at, ways_of
+from kinespace.library.windows.courses import MAX_WAY, PERSONS, POINTS, Courses, Pieces, at_equal_way, share_at, ways_of
 from kinespace.stream.recognition import Seen
 
 #: Steps from one look to the next.
@@ -34,7 +34,7 @@ _SHORTEST = 0.5
 _EVIDENT_FOR, _GROWTH, _LEAST_GROWTH = 1.5, 0.2, 0.7
 #: The greatest growth of a limit: of one person's class; of two persons', and of several persons', whose limits are
 #: wider and must not reach motions that are broken off.
-_MOST_GROWTH, _MOST_SHARED, _MOST_PERSONS = 1.8, 1.3, 1.1
+_MOST_GROWTH = 1.8, 1.3, 1.1
 #: Looks for which a motion that costs more than its own limit may come nearer.
 _WAITS = 3
 #: A course that costs so many times its limit is near.
@@ -187,11 +187,10 @@ class DoneFollower:
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
         self._limits = np.float32(self._share) * courses.limits.ravel()
-        self._shared = frozenset(name for name, shared in zip(courses.classes, courses.shared, strict=True) if shared)
-        self._most_growth = {
-            name: _MOST_PERSONS if by_people else _MOST_SHARED if name in self._shared else _MOST_GROWTH
-            for name, by_people in zip(courses.classes, courses.by_people.tolist(), strict=True)
-        }
+        self._persons = dict(zip(courses.classes, courses.persons.tolist(), strict=True))
+        # Of so many persons as taught the limits.
+        most = PERSONS if courses.whitening is not None else PERSONS - 1
+        self._most_growth = {name: _MOST_GROWTH[min(persons, most) - 1] for name, persons in self._persons.items()}
         #: The class of each whole motion, and of each first part.
         self._of_piece = np.tile(courses.of_class, 2)
         lengths = courses.pieces.lengths
@@ -336,7 +335,8 @@ class DoneFollower:
         near = max((each for each in (whole, begun) if each), key=lambda each: each.score, default=None)
         whole, begun = (each if each and each.score > 0.5 else None for each in (whole, begun))
         name = whole.class_name if whole else ""
-        done = self._nearest_of(whole if self._whole.sees(name, _LOOKS if name in self._shared else 1) else None)
+        looks = _LOOKS if self._persons.get(name, 1) > 1 else 1
+        done = self._nearest_of(whole if self._whole.sees(name, looks) else None)
         starts = begun if self._begun.sees(begun.class_name if begun else "") else None
         if done:
             self._over, self._whole, self._begun = self.time, _Streak(), _Streak()

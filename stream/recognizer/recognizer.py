@@ -7,7 +7,6 @@ windows show and how near the library's are (`live_windows`), what that means (`
 """
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -48,9 +47,6 @@ _GAPS = 3
 _EARLY = 1e-3
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
 _ASKED_AGAIN = 0.5
-#: A class that so many persons show starts by its lead: what is unknown to it was learned; few people's classes start
-#: when their course was seen.
-_LEADING_PERSONS = 3
 #: A class's evidence counts above the logit that the first of `rejection.RATES` of unknown movement has; above this one
 #: for few people's classes beside others: those taught what is unknown, and such a class's own motions have less.
 _RATE_BESIDE = RATES.index(0.05)
@@ -185,7 +181,8 @@ class Recognizer:
         """Answer with the classes of an index, in an order."""
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
-        self._by_course = _begun_by_course(index) if self._done else frozenset[str]()
+        # Few people's classes start when the course of their motions was seen; what is unknown to others was learned.
+        self._by_course = index.courses.of_few if self._done else frozenset[str]()
         self._beside = index.courses.beside_others if self._done else frozenset[str]()
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
@@ -577,13 +574,6 @@ def answers_to(due: Sequence[Due]) -> list[Recognition]:
     finally:
         for each in due:
             each.recognizer.free()
-
-
-def _begun_by_course(index: WindowIndex) -> frozenset[str]:
-    """Give the classes that start when the course of their motions was seen."""
-    persons = {(motion.class_name, motion.actor) for motion in index.library.motions}
-    shown = Counter(name for name, _ in persons)
-    return frozenset(name for name in index.courses.classes if shown[name] < _LEADING_PERSONS)
 
 
 def require_order(order: Sequence[str], library: MotionLibrary) -> None:

@@ -135,7 +135,7 @@ def test_few_peoples_classes_keep_their_limits_beside_others(builtin: MotionLibr
     one = clips_of(builtin, builtin.classes[-1])[:1]
     alone, beside = Courses.of(several), Courses.of([*several, *one])
     np.testing.assert_allclose(beside.whitening, alone.whitening, atol=1e-6)
-    assert beside.by_people.tolist() == [True] * 5 + [False]
+    assert beside.beside_others == {builtin.classes[-1]}
     assert (beside.limits[0, : len(alone.seconds)] <= alone.limits[0] + 1e-6).all()
     assert (beside.limits[0, len(alone.seconds) :] <= 0.55).all()
     taught = [Courses.of([*clips_of(builtin, *names[:count]), *one]).whitening is not None for count in (1, 2)]

@@ -102,8 +102,8 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
 ) -> tuple[str, float, float]:
     """Give the class that the windows which end with a step show most surely, its cost, and that without evidence."""
     courses, best = index.courses, (1.0, "", 1.0)
-    shown = zip(courses.classes, courses.shared, strict=True)
-    grown = {name: grown_by_definition(known, step * STEP, name, several=several) for name, several in shown}
+    shown = zip(courses.classes, courses.persons, strict=True)
+    grown = {name: grown_by_definition(known, step * STEP, name, several=count > 1) for name, count in shown}
     pieces, limits = (courses.whole, courses.limits[0]) if whole else (courses.begun, courses.limits[1])
     for count in courses.counts:
         begin = step - count

@@ -49,6 +49,8 @@ class Commanders:
         host = sender[0] if sender else ""
         if not may_command(sender, self._networks):
             return f"a control message from {host or 'elsewhere'}: see --allow-from"
+        # A program of this machine may send from any of its sixteen million addresses.
+        host = "127.0.0.1" if host.startswith("127.") else host
         used, since = self._used.get(host, (0.0, now))
         used = max(used - _A_SECOND * (now - since), 0.0) + commands
         if used > _A_SECOND:

@@ -34,6 +34,8 @@ Views = Callable[[WindowIndex, tuple[str, ...]], WindowIndex | None]
 
 #: Share of a hop within which two moments are the same.
 _SAME_HOP = 0.01
+#: Seconds between two turns of a performer in overload, at most: after more its clock has jumped, or it was silent.
+_LONGEST_TURN = 5.0
 #: Frames that wait for the next hop to be measured together, at most.
 _MAX_WAITING = 16
 #: Frames in a row that may be older than the newest before the sender is taken to have started again. A frame older
@@ -276,7 +278,8 @@ class Recognizer:
         if self._due >= until:
             return
         if math.isfinite(self._due) and self.settings.hop:
-            self.counts.skipped += max(math.floor((until - self._due) / self.settings.hop + _SAME_HOP), 0)
+            late = min(until - self._due, _LONGEST_TURN)
+            self.counts.skipped += max(math.floor(late / self.settings.hop + _SAME_HOP), 0)
         self._due = until
 
     def set_sensitivity(self, share: float) -> None:

@@ -42,6 +42,8 @@ CAUTION = 1.0
 MAX_WAITING = 24
 #: Performers that wait for their turns, at most; only a program that makes up names reaches the limit.
 MAX_PERFORMERS = 1024
+#: Commands that wait, at most: each may take some hundredths of a second, and all are carried out before the end.
+MAX_ASKED = 64
 
 
 class Taken(NamedTuple):
@@ -296,8 +298,11 @@ class Service:
         if events is None:
             return False
         for event in events:
-            if isinstance(event, Asked):
+            if isinstance(event, Asked) and event.command and len(self._asked) < MAX_ASKED:
                 self._asked.append(event)
+            elif isinstance(event, Asked):
+                why = event.refusal or f"too many commands: expected at most {MAX_ASKED} that wait"
+                self._carry_out(replace(event, command=None, refusal=why))
             else:
                 taken.append(Taken(event, started, source.waited))
         return True

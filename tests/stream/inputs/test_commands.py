@@ -44,12 +44,14 @@ def test_a_senders_commands_are_counted() -> None:
     assert [len(each) for each in given] == [8, 8, 1, 1]
     assert [each[0].refusal for each in given[2:]] == ["too many commands: expected at most 20 a second"] * 2
     assert len(reader.read(eight, ("::1", 5), 1.0) or ()) == 8
+    # A program of this machine has sixteen million addresses to send from.
+    assert [len(reader.read(eight, (f"127.0.1.{place}", 5), 1.0) or ()) for place in range(5)] == [1] * 5
     assert len(reader.read(eight, HERE, 1.2) or ()) == 8
     (asked,) = reader.read(encode_bundle(*[STOP] * 9), HERE, 9.0) or ()
     assert asked.refusal == "packet: expected at most 8 commands, got 9"
     steady = [reader.read(STOP, HERE, 10.0 + number / 20) or () for number in range(200)]
     assert all(each[0].command for each in steady)
-    assert (reader.received, reader.refused) == (207, 3)
+    assert (reader.received, reader.refused) == (212, 8)
 
 
 def test_counting_anew_is_a_command_that_is_obeyed_without_lessons() -> None:

@@ -82,6 +82,14 @@ def test_in_overload_everybody_is_answered_as_alone(sticks: MotionLibrary) -> No
             np.testing.assert_allclose(one.scores, other.scores, atol=1e-4)
 
 
+def test_a_clock_that_jumps_leaves_no_answers_out(sticks: MotionLibrary) -> None:
+    """In overload a sender of odd times must not let the counts say that nearly all answers are missing."""
+    performers = Performers(sticks)
+    for begin in (0.0, 1e9, -1e9, 2e9):
+        performers.push_all(_frames("p", STICK_CLASSES[0], start=begin), 0.0, newest_only=True)
+    assert 0 < performers.counts.recognizers.skipped < 1000
+
+
 # --- joints ------------------------------------------------------------------------------------------------------
 
 

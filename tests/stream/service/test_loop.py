@@ -18,9 +18,9 @@ from kinespace.stream.recognizer import performers
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
-from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
+from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_ASKED, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
-from kinespace.stream.teaching import Asked, commands
+from kinespace.stream.teaching import Asked, State, commands
 
 #: Seconds a test waits for something that must happen, before it gives up.
 PATIENCE = 60.0
@@ -277,6 +277,20 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
         assert bool(sink.events) is answers
         if not answers:
             assert {(each.label, each.score, each.guess_index) for each in sink.recognitions} == {("unknown", 0.0, -1)}
+
+
+def test_of_commands_without_end_some_wait(sticks: MotionLibrary) -> None:
+    """The others are refused, at most one of them in a second is said: neither memory nor Ctrl-C pays for them."""
+    control, sink = FakeControl(), FakeSink()
+    with closing(FakeSource([[Asked(commands.Undo())] * 5000])) as source:
+        service = Service(Performers(sticks), [source], [sink], control=control)
+        service.step(0.0)
+        service.stop()
+        service.run()
+    assert len(control.carried_out) == MAX_ASKED
+    assert [each.reason for each in sink.told if isinstance(each, State)] == [
+        f"too many commands: expected at most {MAX_ASKED} that wait"
+    ]
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from typing import Annotated, Any, NamedTuple
+from urllib.parse import unquote
 
 import msgspec
 import numpy as np
@@ -230,6 +231,11 @@ class SentAnswer(msgspec.Struct, rename={"label": "class"}):
 _read = msgspec.json.Decoder(SentAnswer).decode
 
 
+def _topic(kind: str, performer: str) -> bytes:
+    """Name a performer's messages; without a further / in it, or `class/ann/` would ask for those of `ann/x`, too."""
+    return f"{kind}/{performer.replace('%', '%25').replace('/', '%2F')}/".encode()
+
+
 def encode_recognition(recognition: Recognition) -> list[bytes]:
     """Encode an answer: its class, its scores, and the leading eigenvector's numbers.
 
@@ -260,14 +266,14 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "doubted": recognition.doubted,
         "progress": recognition.progress and _described(recognition.progress, class_name="class"),
     }
-    return [f"class/{recognition.performer}/".encode(), _encode(answer)]
+    return [_topic("class", recognition.performer), _encode(answer)]
 
 
 def encode_gone(performer: str) -> list[bytes]:
     """Encode that a performer has left: an answer without a class."""
     nothing = {"class": None, "guess": None, "index": -1, "guess_index": -1, "so_far": None}
     answer = {"v": VERSION, "performer": performer, **nothing, "outcome": GONE, "score": 0.0, "margin": 0.0}
-    return [f"class/{performer}/".encode(), _encode(answer)]
+    return [_topic("class", performer), _encode(answer)]
 
 
 def _described(answer: Progress | Event | Done, **renamed: str) -> dict[str, object]:
@@ -278,12 +284,12 @@ def _described(answer: Progress | Event | Done, **renamed: str) -> dict[str, obj
 def encode_event(event: Event) -> list[bytes]:
     """Encode that a motion started or ended."""
     described = _described(event, kind="event", label="class", time="t")
-    return [f"event/{event.performer}/".encode(), _encode({"v": VERSION, **described})]
+    return [_topic("event", event.performer), _encode({"v": VERSION, **described})]
 
 
 def encode_done(done: Done) -> list[bytes]:
     """Encode that a motion was done."""
-    return [f"done/{done.performer}/".encode(), _encode({"v": VERSION, **_described(done, label="class")})]
+    return [_topic("done", done.performer), _encode({"v": VERSION, **_described(done, label="class")})]
 
 
 def decode_answer(parts: Sequence[bytes]) -> Answer | None:
@@ -357,7 +363,7 @@ def encode_body(frame: Frame, skeleton: Skeleton | None = None, carried: Carried
         header.names, header.parents = skeleton.joints, skeleton.parents
     if carried and len(carried.joints) == header.joints:
         header.carried, header.pairs = carried.joints, carried.pairs
-    return [f"body/{frame.performer}/".encode(), _encode(header), frame.positions.astype("<f4").tobytes()]
+    return [_topic("body", frame.performer), _encode(header), frame.positions.astype("<f4").tobytes()]
 
 
 def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:
@@ -376,4 +382,4 @@ def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:
     ends = [*(header.parents or ()), *(joint for pair in header.pairs or () for joint in pair)]
     if any(not -1 <= joint < header.joints for joint in ends):
         return None
-    return performer.removesuffix("/"), header, positions
+    return unquote(performer.removesuffix("/")), header, positions

@@ -4,6 +4,8 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from itertools import permutations
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -189,7 +191,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         and {"class": followed.class_name, **{name: getattr(followed, name) for name in _OF_PROGRESS}},
     }
     topic, encoded = zeromq.encode_recognition(recognition)
-    assert topic == f"class/{recognition.performer}/".encode()
+    assert [*map(unquote, topic.decode().split("/"))] == ["class", recognition.performer, ""]
     unsaid = {"time", "classes", "events", "lead", "evidence", "done", "seen", "by_course", "ended_at"}
     assert {each.name for each in fields(Recognition)} - unsaid <= set(expected)
     assert list(json.loads(encoded).items()) == list(json.loads(json.dumps(expected)).items())
@@ -344,6 +346,16 @@ def test_bundles_messages_and_values_have_limits() -> None:
     assert repr(nested.arguments) == "[" * 501 + "]" * 501
     with pytest.raises(PacketError, match="never ends"):
         decode_packet(b"/a\0\0," + b"[" * 999 + b"\0\0\0\0")
+
+
+def test_no_topic_begins_anothers() -> None:
+    """Who asks ZeroMQ for a performer's answers gets nobody else's, whatever a stranger calls a performer."""
+    names, topics = ("ann", "ann/", "ann/x", "ann%2Fx"), list[bytes]()
+    for name in names:
+        body = encode_body(Frame(name, 1.0, np.ones((2, 3))))
+        assert (decode_body(body) or ())[0] == name
+        topics += [body[0], zeromq.messages.encode_gone(name)[0]]
+    assert not [each for each in permutations(topics, 2) if each[1].startswith(each[0])]
 
 
 @pytest.mark.parametrize(

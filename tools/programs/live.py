@@ -285,12 +285,14 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             name = option.replace("_", "-")
             raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
         options.osc_in = options.osc_in or arguments.OSC_IN
-    if options.record:
-        require_place_for(options.record, overwrite=options.overwrite)
-        # `--overwrite` is no leave to write over what this program reads or teaches.
-        read = [Path(each).resolve() for each in (options.teach, options.library, options.feed) if each]
-        if options.record.resolve() in read:
-            raise ValueError(f"{options.record}: expected a file for each purpose, got one for several")
+    midi = [Path(each.partition("=")[2]) for each in options.out if each.startswith(MIDI) and each.endswith(".mid")]
+    # `--overwrite` is no leave to write over what this program reads or teaches.
+    used = [Path(each).resolve() for each in (options.teach, options.library, options.feed) if each]
+    for each in filter(None, (options.record, *midi)):
+        require_place_for(each, overwrite=options.overwrite)
+        if each.resolve() in used:
+            raise ValueError(f"{each}: expected a file for each purpose, got one for several")
+        used.append(each.resolve())
     preset = arguments.preset_named(options.feed) if options.feed else None
     if preset and not (options.osc_in or options.zmq_in):
         options.osc_in = f"127.0.0.1:{preset.port}"

@@ -34,7 +34,7 @@ def test_what_happened_is_json_under_its_performers_topic() -> None:
     """An event, and a motion that was done, are topics of their own and JSON that says all of them."""
     event = Event("Ada Lovelace/1", EventKind.END, "wäve", 2, 0.125, 1_763_726_400.25)
     topic, body = zeromq_answers.encode_event(event)
-    assert topic == b"event/Ada Lovelace/1/"
+    assert topic == b"event/Ada Lovelace%2F1/"
     told = {"v": 1, "performer": "Ada Lovelace/1", "event": "end", "class": "wäve", "index": 2, "score": 0.125}
     assert json.loads(body) == told | {"t": 1_763_726_400.25}
     topic, body = zeromq_answers.encode_done(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))

@@ -32,7 +32,7 @@ REFUSED = tomllib.loads(Path(__file__).with_name("refused.toml").read_text(encod
 def places(tmp_path_factory: pytest.TempPathFactory, small_library: MotionLibrary) -> Iterator[dict[str, object]]:
     """Give good and bad files by name, ports that are taken, and one that is free."""
     folder = tmp_path_factory.mktemp("places")
-    names = {"fbx": "take.fbx", "made": "made.npz", "pipe": "pipe", "device": "device"}
+    names = {"fbx": "take.fbx", "song": "song.mid", "made": "made.npz", "pipe": "pipe", "device": "device"}
     names |= {name: f"{name}.npz" for name in ("cut", "changed", "sticks")}
     names |= {name: f"{name}.kinerec" for name in ("tape", "torn", "none")}
     files = {name: folder / file for name, file in names.items()}
@@ -45,6 +45,7 @@ def places(tmp_path_factory: pytest.TempPathFactory, small_library: MotionLibrar
     spoilt = write_clips(folder / "spoilt", takes=1)[2]
     spoilt.write_text(spoilt.read_text().replace("rlower", "tail", 1))
     files["fbx"].write_text("Kaydara")
+    files["song"].write_bytes(b"MThd")
     MotionLibrary.of_clips(stick_clips(takes=1)).save(files["sticks"])
     small_library.save(files["cut"])
     whole = bytearray(files["cut"].read_bytes())

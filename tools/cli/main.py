@@ -14,7 +14,7 @@ from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from kinespace.tools.cli.entry import check_interrupted
-from kinespace.tools.cli.values import meant
+from kinespace.tools.cli.values import meant, printable
 
 #: Module, below `kinespace.tools`, and line of help of each program, by name.
 Programs = Mapping[str, tuple[str, str]]
@@ -90,8 +90,6 @@ def _one_line(error: Exception) -> str:
     said = str(error)
     if isinstance(error, OSError) and error.strerror:
         said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    from kinespace.tools.cli.values import printable  # noqa: PLC0415 - seldom needed
-
     several = isinstance(error, ValueError) and not isinstance(error, UnicodeError)
     lines = [printable(" ".join(str(each).split())) for each in (error.args if several else (said,))]
     # A file's own words, or its name, may be of any length: both ends say the most.
@@ -121,7 +119,8 @@ class _Parser(argparse.ArgumentParser):
         """End with status 2 and the mistake."""
         if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             message += meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
-        self.exit(2, f"{self.prog}: error: {message}; {self.prog} --help lists all options\n")
+        line = f"{self.prog}: error: {message}; {self.prog} --help lists all options"
+        self.exit(2, f"{printable(line)}\n")
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - argparse's own has four overloads
         """Parse as argparse does, once the program has said its arguments, and refuse the first that is unknown."""

@@ -18,7 +18,7 @@ from kinespace.stream.recognizer import performers
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
-from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_ASKED, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
+from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
 from kinespace.stream.teaching import Asked, State, commands
 
@@ -287,9 +287,9 @@ def test_of_commands_without_end_some_wait(sticks: MotionLibrary) -> None:
         service.step(0.0)
         service.stop()
         service.run()
-    assert len(control.carried_out) == MAX_ASKED
+    assert len(control.carried_out) == service_module.MAX_ASKED
     assert [each.reason for each in sink.told if isinstance(each, State)] == [
-        f"too many commands: expected at most {MAX_ASKED} that wait"
+        f"too many commands: expected at most {service_module.MAX_ASKED} that wait"
     ]
 
 

@@ -74,7 +74,8 @@ function take(news) {
   }
   Object.assign(page.titles, news.titles);
   if (news.classes) { page.classes = news.classes; listClasses(); }
-  if (news.control) { page.control = news.control; listClasses(); showControl(); }
+  // A class may be called `constructor`.
+  if (news.control) { page.control = news.control; Object.setPrototypeOf(page.control.taught, null); listClasses(); showControl(); }
   // What was taught is in its file a second later; a lesson changes much, and the motions once.
   if (news.classes || news.control) { clearTimeout(page.asking); page.asking = setTimeout(fetchMotions, 2000); }
   if (news.status) { page.status = news.status; showStatus(); }

@@ -24,7 +24,7 @@ from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, FeedSource
 from kinespace.stream.outputs import LAYOUTS, BodySink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
-from kinespace.stream.outputs.midi_sink import MIDI
+from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import AnySource, Recognising, Service
@@ -171,13 +171,15 @@ def recognise(options: argparse.Namespace) -> int:
             performers.settle()
         status = service.status()
     kept = ends.recording
+    lacking = [note for each in ends.sinks if isinstance(each, MidiSink) and each.is_behind for note in each.notes]
     for line in (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
         *(frames_made(source) for source in ends.sources if isinstance(source, FeedSource)),
         *([f"{options.record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
+        *lacking,
     ):
         say(line)
-    return 2 if lessons and lessons.has_unsaved else 0
+    return 2 if lacking or (lessons and lessons.has_unsaved) else 0
 
 
 def _say_open(ends: Sequence[object], sinks: Sequence[object], teaching: str, servers: Sequence[PageProcess]) -> None:

@@ -29,6 +29,17 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     assert all(each["calls"] >= 3 for each in found.values())
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_who_plays_into_a_file_that_lacks_notes_hears_it(tmp_path: Path) -> None:
+    """`live` says it, and ends with 2, as where examples are not saved."""
+    (tmp_path / "take.mid").symlink_to("/dev/full")
+    song = ("--out", f"midi={tmp_path / 'take.mid'}", "--overwrite")
+    with started("live", "--plain", "--osc-in", "127.0.0.1:0", *song) as program:
+        program.expect("listening on")
+        assert program.interrupt() == 2
+        assert program.output.endswith("take.mid: not all notes are written: No space left on device\n")
+
+
 #: What makes each program start processes or threads, and import what it needs, and a line after which it is ended; the
 #: others show their options.
 ARGUMENTS = {

@@ -4,7 +4,6 @@ import argparse
 import errno
 import json
 import os
-import sys
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -66,8 +65,7 @@ def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: s
     text = printable(str(line).strip())
     logged = {"time": moment, "level": level, "text": text, **(facts or {})}
     # In one piece: several threads write.
-    sys.stdout.write((json.dumps(logged) if _logs == "json" else f"{moment} {level:7} {text}") + "\n")
-    sys.stdout.flush()
+    print((json.dumps(logged) if _logs == "json" else f"{moment} {level:7} {text}") + "\n", end="", flush=True)
 
 
 def note(line: str) -> None:

@@ -172,6 +172,16 @@ def logged() -> Iterator[Callable[[Literal["text", "json"]], None]]:
     log_as(None)
 
 
+@pytest.mark.parametrize("way", ["text", "json"])
+def test_a_log_without_an_output(
+    way: Literal["text", "json"], logged: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program whose output was closed when it began (`>&-`) says nothing, and goes on."""
+    logged(way)
+    monkeypatch.setattr("sys.stdout", None)
+    say("a line")
+
+
 @pytest.mark.parametrize("way", ["table", "lines", "text", "json"])
 def test_no_name_steers_a_terminal_or_forges_a_line(
     way: str, logged: Callable[..., None], capsys: pytest.CaptureFixture[str]

@@ -1,7 +1,9 @@
 """Keys for teaching while the table is shown, for a performer who is alone with a keyboard."""
 
+import os
 import sys
 import threading
+from codecs import getincrementaldecoder
 from collections.abc import Callable
 from itertools import count
 from typing import Self
@@ -13,6 +15,8 @@ from kinespace.tools.teaching.lessons import Lessons
 
 #: Seconds between two checks for a key.
 _LOOK = 0.1
+#: Bytes of keys that are read at once, at most.
+_AT_ONCE = 1024
 HINT = (
     "t teach a new motion · a another example · h hold: record a new motion now, h again ends it · "
     "= name the last motion · 1 to 9 choose the performer · y the last name was right · n it was wrong · "
@@ -98,13 +102,15 @@ class Keys:
         import termios  # noqa: PLC0415 - as above
         import tty  # noqa: PLC0415 - as above
 
-        before = termios.tcgetattr(sys.stdin)
+        before, letters = termios.tcgetattr(sys.stdin), getincrementaldecoder(sys.stdin.encoding)("replace")
         tty.setcbreak(sys.stdin)
         try:
             while not self._ended.is_set():
-                if select.select([sys.stdin], [], [], _LOOK)[0]:
-                    command = self.command_of(sys.stdin.read(1))
-                    if command:
+                if not select.select([sys.stdin], [], [], _LOOK)[0]:
+                    continue
+                # What Python's own text stream has read, `select` does not see.
+                for key in letters.decode(os.read(sys.stdin.fileno(), _AT_ONCE)):
+                    if command := self.command_of(key):
                         self._lessons.ask(Asked(command))
         finally:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -1,4 +1,6 @@
 import json
+import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -309,6 +311,22 @@ def test_the_commands_of_keys() -> None:
     assert shown.hint.startswith("bob is taught")
     assert keys.command_of("n") == commands.Wrong("bob")
     assert keys.command_of("a") == commands.Teach("bob", "motion 3")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such terminals")
+def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of a pasted text are keys at once, and bytes that are no letters stop none of them."""
+    import pty  # noqa: PLC0415 - only on systems with such terminals
+
+    asked = list[Asked]()
+    lessons = SimpleNamespace(classes=[], performers=SimpleNamespace(names=()), ask=asked.append)
+    keyboard, terminal = pty.openpty()
+    with os.fdopen(keyboard, "wb", 0) as hands, os.fdopen(terminal, encoding="utf-8") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        with Keys(lessons, SimpleNamespace(hint="")):  # type: ignore[arg-type]  # as read
+            hands.write(b"t\xff=" + "wéve\n".encode())
+            until(lambda: len(asked) == 2)
+    assert [each.command for each in asked] == [commands.Teach("", "motion 1"), commands.Rename("motion 1", "wéve")]
 
 
 def test_a_motion_is_named_by_keys() -> None:

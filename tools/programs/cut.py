@@ -7,8 +7,10 @@ second stay one row, to be divided by hand.
 
 import argparse
 import csv
+from codecs import getwriter
 from pathlib import Path
 
+from kinespace.library.library_file import replacing
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.stream.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
@@ -40,8 +42,8 @@ def run(options: argparse.Namespace) -> None:
     takes = [*map(NameNotes(), RecordingReader(reading_of(options)).clips(find_recordings([source])[0]))]
     looked = progress(takes, "Looking", len(takes))
     found = sorted((each, take.actor) for take in looked for each in stretches_of(take, options.stillness))
-    with labels.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
+    with replacing(labels) as file:
+        rows = csv.writer(getwriter("utf-8")(file))
         rows.writerow(COLUMNS)
         rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
     whose = ", ".join(take.actor or "one performer" for take in takes)

@@ -23,7 +23,7 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     surroundings = {**os.environ, "LD_PRELOAD": str(shim)}
     done = subprocess.run([sys.executable, FAULTS / "work.py"], env=surroundings, capture_output=True, check=True)
     found = json.loads(done.stdout)
-    assert {*found} == {"teaching", "building", "recording", "keys", "cache", "midi"}
+    assert {*found} == {"teaching", "building", "labelling", "recording", "keys", "cache", "midi"}
     assert {name: each["wrong"] for name, each in found.items()} == {name: [] for name in found}
     # The faults reach the calls.
     assert all(each["calls"] >= 3 for each in found.values())

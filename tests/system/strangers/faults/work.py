@@ -9,8 +9,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, redirect_stderr, redirect_stdout, suppress
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import mido
@@ -18,11 +19,12 @@ import numpy as np
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows import remembered
-from kinespace.stream import Event, EventKind
+from kinespace.stream import Event, EventKind, Frame, osc
 from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter
 from kinespace.stream.outputs.midi_sink import MidiSink
 from kinespace.stream.teaching.examples import Example, Roster
 from kinespace.stream.zeromq.keys import make_keys
+from kinespace.tools.cli.main import main
 from kinespace.tools.teaching import roster_file
 
 #: A work: it prepares a folder, then does its work among faults, then, without them, says what is wrong.
@@ -80,6 +82,24 @@ def building(folder: Path) -> Iterator[str]:
     yield ""
     if MotionLibrary.load(path).classes != (("bow", "wave") if failed else ("new",)) or len([*folder.iterdir()]) > 1:
         yield f"failed: {failed}, {MotionLibrary.load(path).classes}, {[*folder.iterdir()]}"
+
+
+def labelling(folder: Path) -> Iterator[str]:
+    """Propose labels over those that a person has written: the old or the new ones are there, and nothing else."""
+    path, source = folder / "labels.csv", folder / "a.kinerec"
+    path.write_text("by hand", encoding="utf-8")
+    with closing(RawWriter(source, ["osc 127.0.0.1:1"])) as writer:
+        for number, posture in enumerate(_MOTION.positions):
+            packet = osc.encode_frame(Frame("ann", 1.0 + number / _MOTION.frame_rate, posture))
+            writer.write(RawPacket(number / _MOTION.frame_rate, 0, "", (packet,)))
+    yield ""
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        status = main(["cut", str(source), "-o", str(path), "--overwrite"])
+    yield ""
+    content = path.read_text(encoding="utf-8")
+    there = {each.name for each in folder.iterdir()}
+    if (content == "by hand") != (status == 2) or there != {path.name, source.name}:
+        yield f"{status}, {content!r}, {there}"
 
 
 def recording(folder: Path) -> Iterator[str]:
@@ -158,11 +178,11 @@ def _tried(work: Work, first: int, last: int) -> tuple[int, list[str]]:
         return calls, [each for each in (*wrong, *steps) if each]
 
 
-def main() -> None:
+def _main() -> None:
     """Do every work with each of its calls failing."""
     roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.01, 0.0, 0.005, 0.02  # noqa: SLF001
     found = {}
-    for work in (teaching, building, recording, keys, cache, midi):
+    for work in (teaching, building, labelling, recording, keys, cache, midi):
         # First without a fault: so many calls there are. Threads may make a few more.
         calls, wrong = _tried(work, 0, 0)
         for number in range(1, calls + 3):
@@ -174,4 +194,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    _main()

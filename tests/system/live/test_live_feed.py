@@ -88,7 +88,7 @@ def heard(receiver: OscReceiver, address: str) -> list[Message]:
 
 
 def test_a_feed_is_recognised_and_several_hear_it() -> None:
-    """VMC in; native, TouchDesigner, VMC and a reply to the sender out; the counts of the feed at the end."""
+    """VMC in, from a network; native, TouchDesigner and VMC out, and ZeroMQ; the counts of the feed at the end."""
     with ExitStack() as stack:
         native, touch, thru = (OscReceiver(LOOPBACK, 0) for _ in range(3))
         for receiver in (native, touch, thru):
@@ -96,6 +96,8 @@ def test_a_feed_is_recognised_and_several_hear_it() -> None:
         outs = zip(("native", "touchdesigner", "vmc-thru"), (native, touch, thru), strict=True)
         options = [option for name, out in outs for option in ("--out", f"{name}={LOOPBACK}:{out.address[1]}")]
         sender = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        # ZeroMQ's sockets know no networks of IPv6.
+        options += ["--allow-from", f"{LOOPBACK}/8,::1/128", "--zmq-out", f"tcp://{LOOPBACK}:*"]
         command = ("live", "--plain", "--feed", "vmc", "--osc-in", f"{LOOPBACK}:0", *options)
         program = stack.enter_context(started(*command))
         port = int(program.expect(r"listening on vmc 127\.0\.0\.1:(\d+); answering to native 127")[1])

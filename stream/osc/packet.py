@@ -54,7 +54,7 @@ def number_of(argument: object) -> float:
 
 def encode_message(address: str, *arguments: str | float) -> bytes:
     """Encode one message; floats as float32, integers as int32, which all receivers know."""
-    return build_msg(address, arguments).dgram
+    return build_msg(address, [_whole(each) if isinstance(each, str) else each for each in arguments]).dgram
 
 
 def encode_bundle(*elements: bytes) -> bytes:
@@ -62,9 +62,14 @@ def encode_bundle(*elements: bytes) -> bytes:
     return BUNDLE_START + b"".join(len(element).to_bytes(4) + element for element in elements)
 
 
+def _whole(text: str) -> str:
+    """Give a text that OSC does not end early: whatever stands behind a zero would be read as the next argument."""
+    return text.replace("\0", "\N{REPLACEMENT CHARACTER}")
+
+
 def padded(text: str) -> bytes:
     """Encode a string as OSC does: UTF-8, then 1 to 4 zeros up to a multiple of 4 bytes."""
-    encoded = text.encode()
+    encoded = _whole(text).encode()
     return encoded + b"\0" * (4 - len(encoded) % 4)
 
 

@@ -216,6 +216,16 @@ def test_what_happened_is_byte_for_byte_python_oscs(event: Event, done: Done, si
     assert osc_answers.encode_done(done, since) == by_python_osc(address, *arguments)
 
 
+def test_a_zero_in_a_name_shifts_no_arguments() -> None:
+    """A library's class may have one in its name: other programs would read its rest as index and score."""
+    event = Event("ann", EventKind.START, "bow\0\0\0\0\7", 3, 0.5, 1.0)
+    ((_, arguments),) = decode_packet(osc_answers.encode_event(event))
+    assert arguments == ["start", "bow\ufffd\ufffd\ufffd\ufffd\7", 3, 0.5, 1.0]
+    answer = Recognition("ann", 1.0, Outcome.NAMED, ("bow\0ling",), np.ones(1), movement=0.1)
+    labels = [each for each in decode_packet(osc_answers.encode_recognition(answer)) if each.address.endswith("/label")]
+    assert labels == [Message("/motion/ann/label", ["bow\ufffdling"])]
+
+
 _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
 
 

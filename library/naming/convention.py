@@ -76,9 +76,9 @@ class Convention:
 
     def spelled(self, labels: Sequence[str]) -> list[str]:
         """Spell labels by `spelling`, without the text in front of each name."""
-        bare, front, both = _without_ends(tuple(labels))
-        ways = [[self.bare(label) for label in each] for each in (bare, front, both)]
-        ways += [[self.sided.get(_sided(label), spelling(label)) for label in each] for each in (front, both)]
+        plain, sided = _ways(tuple(labels))
+        ways = [[self.bare(each) for each in way] for way in plain] if self.prefixes else list(plain)
+        ways += [[self.sided.get(*each) for each in way] for way in sided]
         return max(ways, key=self.known)
 
     def fits(self, spelled: Sequence[str]) -> bool:
@@ -89,9 +89,8 @@ class Convention:
         """Count the names that belong to the convention."""
         return sum(name in self.targets for name in spelled)
 
-    def bare(self, label: str) -> str:
-        """Spell a label without a prefix that the convention's names may have."""
-        bare = spelling(label)
+    def bare(self, bare: str) -> str:
+        """Give a spelled label without a prefix that the convention's names may have."""
         front = next((each for each in self.prefixes if bare.startswith(each)), "")
         rest = bare.removeprefix(front)
         return rest.lstrip(digits) or rest if front else bare
@@ -114,7 +113,8 @@ def _sided(label: str) -> str:
 def known_as(label: str) -> str:
     """Give the spelling by which some convention knows a label alone; empty where none does."""
     bare = _NAMESPACE.sub("", label) or label
-    ways = (spelling(bare), *(each.bare(bare) for each in conventions() if each.prefixes), _sided(bare))
+    spelled = spelling(bare)
+    ways = (spelled, *(each.bare(spelled) for each in conventions() if each.prefixes), _sided(bare))
     return next((each for each in ways if each in _every_name()), "")
 
 
@@ -125,11 +125,18 @@ def _every_name() -> frozenset[str]:
 
 
 @lru_cache(maxsize=8)
-def _without_ends(labels: tuple[str, ...]) -> tuple[list[str], list[str], list[str]]:
-    """Give labels without a namespace; further without the beginning, and without the end, that all of them share."""
+def _ways(labels: tuple[str, ...]) -> tuple[tuple[list[str], ...], tuple[list[tuple[str, str]], ...]]:
+    """Spell labels once for all conventions: a stranger may send thousands.
+
+    First without a namespace; further without the beginning, and without the end, that all of them share; of the last
+    two also by their sides, beside the spelling.
+    """
     bare = [_NAMESPACE.sub("", label) or label for label in labels]
     front = _without_front(bare)
-    return bare, front, [label[::-1] for label in _without_front([label[::-1] for label in front])]
+    both = [label[::-1] for label in _without_front([label[::-1] for label in front])]
+    plain = tuple([spelling(label) for label in each] for each in (bare, front, both))
+    sided = (zip(map(_sided, each), spelled, strict=True) for each, spelled in ((front, plain[1]), (both, plain[2])))
+    return plain, tuple(map(list, sided))
 
 
 def _without_front(labels: Sequence[str]) -> list[str]:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 from kinespace.stream.feeds.preset import AskedMessage, Preset
-from kinespace.stream.frame import Admitted, Input
+from kinespace.stream.frame import Admitted, Announcement, Input
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder
@@ -46,6 +46,8 @@ MAX_AT_ONCE = 0.02
 _MAX_DEBT = 0.1
 #: Seconds that a frame takes after decoding, about the time of its recognition.
 PER_EVENT = 5e-5
+#: Seconds that a joint's name takes which has not come before; and skeletons whose names are known, at most.
+_PER_NAME, _MAX_SKELETONS = 1e-4, 256
 #: Seconds after which a silent sender counts as gone.
 _THERE = 1.0
 #: Seconds without a frame after which a sender is silent, and packets are looked at otherwise.
@@ -126,6 +128,8 @@ class Source:
         #: The time of the last frame that was not dropped, by its sender and its beginning.
         self._last: dict[tuple[Sender, bytes], float] = {}
         self._now = 0.0
+        #: The joints that were announced lately.
+        self._skeletons: dict[tuple[str, ...], None] = {}
         #: When no packet waited, seconds on our clock; inf before the first look.
         self._emptied = math.inf
         #: The sender's name where the transport names none, or the decoder has numbered the senders itself.
@@ -176,7 +180,12 @@ class Source:
             self._made = arrival
         elif self.unread and asked is None and arrival - self._made > SILENCE:
             self.unread.keep(packet, arrival, sender)
-        self._turns.charge(sender, min(time.perf_counter() - begun, _MAX_CHARGE), len(decoded), self._now)
+        took = min(time.perf_counter() - begun, _MAX_CHARGE)
+        for each in decoded:
+            if isinstance(each, Announcement) and each.joints not in self._skeletons:
+                remember(self._skeletons, each.joints, None, _MAX_SKELETONS)
+                took += _PER_NAME * len(each.joints)
+        self._turns.charge(sender, took, len(decoded), self._now)
         admitted = self._admitted(decoded, arrival, known)
         # Answers to senders go by OSC only.
         if self._admission and sender and isinstance(packet, bytes):

@@ -94,6 +94,22 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
     assert source.counts.thrown_away == 0
 
 
+def test_who_invents_joints_comes_last() -> None:
+    """New names are compared with every convention's, which takes long; those that come again cost nothing."""
+    receiver = FakeReceiver()
+    source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
+    frame = osc.encode_frame(Frame("ann", 1.0, np.ones((5, 3))))
+    for moment, ending, order in (
+        (1.0, "a", "eve ann ann eve"),
+        (3.0, "a", "eve ann eve ann"),
+        (5.0, "b", "eve ann ann eve"),
+    ):
+        named = osc.encode_announcement(Announcement("eve", tuple(f"{n}{ending}" for n in range(250))))
+        receiver.packets.extend([(named, EVE), (frame, ANN)] * 2)
+        assert [event.performer for _ in range(4) for event in source.take(moment) or ()] == order.split()
+        assert source.take(moment) is None
+
+
 def test_a_packet_is_kept_at_its_arrival() -> None:
     """What a packet waited in the system is taken off before it is recorded and decoded."""
     kept, receiver = [], FakeReceiver()

@@ -120,7 +120,11 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     memory.require_numbers(frames * points * 3)
     held = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
     positions = held[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
-    positions[held[:, :, -1] < 0] = np.nan
+    gone = held[:, :, -1] < 0
+    if gone.all() and positions.any():
+        notes.append("residuals: all say that nothing was seen, beside places: the places are taken")
+    else:
+        positions[gone] = np.nan
     return positions, notes
 
 

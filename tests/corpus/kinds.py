@@ -697,14 +697,15 @@ def c3d(  # noqa: PLR0913 - a file may differ in many ways
     )
 
 
-def _theia() -> bytes:
-    """Let ezc3d write what Theia does: a matrix for each segment in place of points."""
+def _theia(points: Sequence[str] = ()) -> bytes:
+    """Let ezc3d write what Theia does: a matrix for each segment in place of points, or behind them."""
     matrices = np.zeros((4, 4, len(NAMES), len(BODY)))
     matrices[:] = np.eye(4)[:, :, None, None]
     matrices[:3, 3] = 1000 * BODY.transpose(2, 1, 0)
     made = ezc3d.c3d()
     made["parameters"]["POINT"]["RATE"]["value"], made["parameters"]["POINT"]["UNITS"]["value"] = [RATE], ["mm"]
-    made["data"]["points"], made["data"]["rotations"] = np.ones((4, 0, len(BODY))), matrices
+    made["parameters"]["POINT"]["LABELS"]["value"] = list(points)
+    made["data"]["points"], made["data"]["rotations"] = matrices[:, 3, : len(points)], matrices
     for name, value in (("RATE", [RATE]), ("USED", [len(NAMES)]), ("LABELS", list(NAMES))):
         made.add_parameter("ROTATION", name, value)
     with tempfile.TemporaryDirectory() as folder:
@@ -712,9 +713,9 @@ def _theia() -> bytes:
         return Path(folder, "theia.c3d").read_bytes()
 
 
-def _at(place: int, these: bytes) -> bytes:
+def _at(place: int, these: bytes, content: bytes = b"") -> bytes:
     """Give a C3D with other bytes in its header."""
-    return (content := c3d())[:place] + these + content[place + len(these) :]
+    return (content := content or c3d())[:place] + these + content[place + len(these) :]
 
 
 def _unseen() -> bytes:
@@ -750,6 +751,7 @@ def _c3ds() -> dict[str, Kind]:
         "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
         "two people, one never seen": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, np.full_like(BODY, np.nan)], axis=1)), {"people": ("A",), "tells": "never seen: B"}),
         "no last frame in the header": (_at(8, b"\0\0"), {"tells": "the header says 0"}),
+        "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),
         "frame numbers beyond 16 bits": (_at(6, struct.pack("<HH", 65_500, 11)), {}),
         "no block of frames in the header": (_at(16, b"\0\0"), {}),
         "a name that goes on behind a NUL": (c3d(labels=[name.ljust(14, "\0") for name in NAMES]).replace(b"Head\0\0\0", b"Head\0zz"), {}),

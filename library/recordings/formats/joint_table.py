@@ -61,8 +61,8 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: A number in a field of several (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), and the characters
-#: of such a field, at most.
+#: A number in a field of several (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), and the
+#: characters of such a field, at most.
 _PART = re.compile(r"(?:[a-z][\w.]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.

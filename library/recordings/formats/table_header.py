@@ -31,7 +31,8 @@ _AXES = re.compile("w?xyz|0123?4?|1234?")
 _WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
-    r"(?:(?:pos|position|loc|location|coord|world|global|[pt])[\W_]*){0,2}([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
+    r"(?:(?:pos|position|loc|location|coord|world|global|[pt])[\W_]*){0,2}([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*",
+    re.IGNORECASE,
 )
 #: Words of columns (`words.toml`).
 _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LENGTHS = (
@@ -290,7 +291,9 @@ def _header(
     parts = [c for c, each in words.items() if _PARTS >= {*each} > set()]
     times = [c for c, each in words.items() if _TIMES & {*each} or _SECONDS >= {*each} > set()]
     times = sorted({*times, *parts}) if len(parts) > 2 else times
-    frames = [c for c, each in words.items() if each and ((each[0] in _FRAMES and len(each) < 4) or each[-1] == "frame")]
+    # ROS puts `field.` in front of all its columns.
+    numbers = [c for c, each in words.items() if len(each) < 4 and _FRAMES & {*each[:1]}]
+    frames = sorted({*numbers, *(c for c, each in words.items() if each[-1:] == ["frame"])})
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
     rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]

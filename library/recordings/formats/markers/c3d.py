@@ -78,7 +78,7 @@ def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> 
 
 
 def _announced(said: Any) -> int:  # noqa: ANN401
-    """Give the number of frames that the file says, by the header (0: it does not) or by numbers of two words in TRIAL."""
+    """Give the number of frames by the header (0: it does not say it), or by numbers of two words in TRIAL."""
     first, last = said.header.first_frame, said.header.last_frame
     words = [said.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
     if last == _WRAP - 1 and all(each is not None and each.total_bytes == 4 for each in words):
@@ -94,10 +94,14 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     # Where the header does not say it, frames follow the parameters, whose third byte counts their blocks.
     block = said.header.data_block or begin + content[(begin - 1) * _BLOCK + 2]
     announced, width, place = _announced(said), 4, 0
-    if not points and (turns := said.get("ROTATION:USED")):
-        # Theia's files hold matrices of segments in place of points: 16 numbers, a place in their last column.
-        points, block, width, place = turns.uint16_value, said.get("ROTATION:DATA_START").uint16_value, 17, 12
-        analog, scale = 0, -1.0
+    held = (said.get(f"ROTATION:{name}") for name in ("USED", "DATA_START"))
+    turns, matrices = (int(each.uint16_value) if each else 0 for each in held)
+    if turns and matrices > block and points:
+        # Matrices of segments stand behind the points.
+        content = content[: (matrices - 1) * _BLOCK]
+    elif turns and not points:
+        # Theia's files hold them in place of points: 16 numbers, a place in their last column.
+        points, block, width, place, analog, scale = turns, matrices, 17, 12, 0, -1.0
     if points < 2:
         raise ValueError(f"expected at least 2 points, got {points}: a file of forces or other measurements")
     if not math.isfinite(scale):
@@ -118,9 +122,9 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     if frames != announced:
         notes.append(f"frames: the header says {announced}, there are {frames}: these are taken")
     memory.require_numbers(frames * points * 3)
-    held = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
-    positions = held[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
-    gone = held[:, :, -1] < 0
+    fields = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
+    positions = fields[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
+    gone = fields[:, :, -1] < 0
     if gone.all() and positions.any():
         notes.append("residuals: all say that nothing was seen, beside places: the places are taken")
     else:

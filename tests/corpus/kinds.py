@@ -347,6 +347,8 @@ def _tables() -> dict[str, Kind]:
         "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
         "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1), more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
+        "two people, one never seen": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, np.zeros_like(BODY)], axis=1)), {"people": ("ann",), "tells": "never seen: bob"}),
+        "two people by id, one never seen": (re.sub(r"(?m)^(.*?,2),.*", r"\1" + ",0" * 48, _two("id", "time", ("1", "2"))), {"people": ("1",), "tells": "or in none: 2"}),
         "two people by name": (_two("Performer", "time", ("ann", "佐藤")), {"people": ("ann", "佐藤")}),
         "rotations": (table(more=[(f"Hips_rot_{axis}", 0.5) for axis in "xyz"] + [(f"Hips_q{axis}", 0.5) for axis in "wxyz"]), {"tells": "no positions: Hips_rot"}),
         "rotations in the world": (table(more=[(f"Hips_rot_world_{axis}", 50.0) for axis in "xyz"]), {"tells": "no positions: Hips_rot"}),
@@ -356,6 +358,9 @@ def _tables() -> dict[str, Kind]:
         ".x": (table(head="{}.{}".format), {}),
         "/x": (table(head="{}/{}".format), {}),
         ":tx": (table(head="{}:t{}".format), {}),
+        "names and X in capitals": (table(head=lambda name, axis: (name + axis).upper()), {"names": tuple(map(str.upper, NAMES))}),
+        "axes behind a name": (table(head=lambda name, axis: f"{name} X" if axis == "x" else axis.upper()), {}),
+        "a topic of ROS": (table(clock="%time", times=_times(1e9, 17 * 10**17), head="field.{}.translation.{}".format, more=[("field.header.seq", 1), ("field.header.frame_id", 0)]), {}),
         "X in capitals": (table(head=lambda name, axis: name + axis.upper()), {}),
         "Position X (mm)": (table(head=lambda name, axis: f"{name} Position {axis.upper()} (mm)", positions=BODY * 1000), {}),
         "x in front": (table(head=lambda name, axis: f"{axis}_{name}"), {}),
@@ -392,7 +397,7 @@ def _tables() -> dict[str, Kind]:
         "two people whom nothing tells apart": (_two("who", "time", ("ann", "ann")), {"reads": False, "tells": "two bodies at one time"}),
         "two people by A:": (_people("{}:{}", ("A", "B")), {"people": ("A", "B")}),
         "two people by person_1_": (_people("{}_{}", ("person_1", "person_2")), {"people": ("person_1", "person_2")}),
-        "two people, and a slip of the tracker": (_two("id", "time", ("1", "2")) + table(clock="time", times=["0.79"], more=[("id", 3)]).splitlines()[1] + "\n", {"people": ("1", "2"), "tells": "seen in one frame alone: 3"}),
+        "two people, and a slip of the tracker": (_two("id", "time", ("1", "2")) + table(clock="time", times=["0.79"], more=[("id", 3)]).splitlines()[1] + "\n", {"people": ("1", "2"), "tells": "in one frame, or in none: 3"}),
         "times in German": (table(clock="Zeit"), {}),
         "times in Chinese": (table(clock="时间(ms)", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
         "a person's name in front": (_in_front("performer,", lambda *_: "ann,", table()), {}),
@@ -405,6 +410,7 @@ def _tables() -> dict[str, Kind]:
         "names thrice, by pandas": (table(head=lambda name, axis: name + {"x": "", "y": ".1", "z": ".2"}[axis]), {}),
         "axes again, by pandas": (table(clock="time", head=lambda name, axis: axis + f".{NAMES.index(name)}" * (name != NAMES[0]), first="," + ",,,".join(NAMES) + ",,\n"), {}),
         "an axis in a word": (table(head="{} {}-axis".format), {}),
+        "a row a joint, its parent's axes, too": (_long("{frame},{time:.4f},{joint},0.1,0.2,0.3,{x:.4f},{y:.4f},{z:.4f}").replace("0.1,0.2,0.3,x,y,z", "LocalPosX,LocalPosY,LocalPosZ,WorldPosX,WorldPosY,WorldPosZ"), {}),
         "a row a joint, by id": (_long("{time:.4f},{id},{x:.4f},{y:.4f},{z:.4f}", names=NAMES), {"names": tuple(map(str, range(16)))}),
         "a row a joint, joint by joint": (_long("{joint},{time:.4f},{x:.4f},{y:.4f},{z:.4f}", by="joint"), {}),
         "a row a joint, two people": (_two_long(), {"people": ("a", "b")}),
@@ -418,6 +424,8 @@ def _tables() -> dict[str, Kind]:
         "units: 1": ("# units: 1\n" + table(positions=BODY * 1000), {}),
         "OpenSim": ("me\nversion=1\nnRows=48\nnColumns=49\ninDegrees=no\nendheader\n" + table(mark="\t"), {"ending": "sto"}),
         "OpenSim, three in a field": (_points("{:.4f};{:.4f};{:.4f}", "DataRate=60.000\nDataType=Vec3\nendheader\n").replace(",", "\t").replace(";", ","), {"ending": "sto"}),
+        "vectors in fields": (_points('"Vector3({:.4f}, {:.4f}, {:.4f})"'), {}),
+        "dicts in fields": (_points("\"{{'x': {:.4f}, 'y': {:.4f}, 'z': {:.4f}}}\""), {}),
         "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
@@ -516,6 +524,7 @@ def _trcs() -> dict[str, Kind]:
         "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "decimal commas": (trc().replace(".", ","), {}),
         "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",)}),
+        "angles": (trc(unit="rad"), {"reads": False, "tells": "numbers in rad"}),
         "markers without names behind": ("\n".join(line + "\t1\t2\t3" * (n > 5) for n, line in enumerate(trc().splitlines())), {}),
         "an empty unit": (trc(unit=""), {"tells": "units"}),
         "no unit": (trc(unit="?"), {"tells": "units"}),
@@ -688,19 +697,32 @@ def c3d(  # noqa: PLR0913 - a file may differ in many ways
     )
 
 
-def _theia() -> bytes:
-    """Let ezc3d write what Theia does: a matrix for each segment in place of points."""
+def _theia(points: Sequence[str] = ()) -> bytes:
+    """Let ezc3d write what Theia does: a matrix for each segment in place of points, or behind them."""
     matrices = np.zeros((4, 4, len(NAMES), len(BODY)))
     matrices[:] = np.eye(4)[:, :, None, None]
     matrices[:3, 3] = 1000 * BODY.transpose(2, 1, 0)
     made = ezc3d.c3d()
     made["parameters"]["POINT"]["RATE"]["value"], made["parameters"]["POINT"]["UNITS"]["value"] = [RATE], ["mm"]
-    made["data"]["points"], made["data"]["rotations"] = np.ones((4, 0, len(BODY))), matrices
+    made["parameters"]["POINT"]["LABELS"]["value"] = list(points)
+    made["data"]["points"], made["data"]["rotations"] = matrices[:, 3, : len(points)], matrices
     for name, value in (("RATE", [RATE]), ("USED", [len(NAMES)]), ("LABELS", list(NAMES))):
         made.add_parameter("ROTATION", name, value)
     with tempfile.TemporaryDirectory() as folder:
         made.write(f"{folder}/theia.c3d")
         return Path(folder, "theia.c3d").read_bytes()
+
+
+def _at(place: int, these: bytes, content: bytes = b"") -> bytes:
+    """Give a C3D with other bytes in its header."""
+    return (content := content or c3d())[:place] + these + content[place + len(these) :]
+
+
+def _unseen() -> bytes:
+    """Give a C3D whose residuals say that no marker was seen."""
+    begin = len(content := c3d()) - len(BODY) * len(NAMES) * 16
+    numbers = np.frombuffer(content[begin:], "<f4").reshape(-1, 4) - np.array([0, 0, 0, 1], np.float32)
+    return content[:begin] + numbers.tobytes()
 
 
 def _c3ds() -> dict[str, Kind]:
@@ -727,6 +749,13 @@ def _c3ds() -> dict[str, Kind]:
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
         "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
+        "two people, one never seen": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, np.full_like(BODY, np.nan)], axis=1)), {"people": ("A",), "tells": "never seen: B"}),
+        "no last frame in the header": (_at(8, b"\0\0"), {"tells": "the header says 0"}),
+        "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),
+        "frame numbers beyond 16 bits": (_at(6, struct.pack("<HH", 65_500, 11)), {}),
+        "no block of frames in the header": (_at(16, b"\0\0"), {}),
+        "a name that goes on behind a NUL": (c3d(labels=[name.ljust(14, "\0") for name in NAMES]).replace(b"Head\0\0\0", b"Head\0zz"), {}),
+        "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),
         "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {"tells": "without a name"}),
         "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),

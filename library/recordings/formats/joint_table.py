@@ -31,7 +31,7 @@ from kinespace.library import memory
 from kinespace.library.clip import MAX_DISTANCE, Clip, as_numbers, is_near
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
-from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
+from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
 from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
@@ -61,8 +61,10 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: A number in a field of several (`[0.1 0.2 0.3]`, `X=0.1 Y=0.2 Z=0.3`), and the characters of such a field, at most.
-_PART, _MAX_POINT = re.compile(r"(?:[xyz] ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE), 120
+#: A number in a field of several (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), and the
+#: characters of such a field, at most.
+_PART = re.compile(r"(?:[a-z][\w.]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
+_MAX_POINT = 120
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
@@ -135,9 +137,10 @@ def read_clips(
     table = _read(path)
     head, places, (name, moments) = table.header, table.places(), table.clock()
     clips, people = list[Clip](), table.people(path, moments)
-    if brief := [person for person, rows in people.items() if len(rows) < 2 < len(places)]:
+    brief = [person for person, rows in people.items() if len(rows) < 2 < len(places) or not is_seen(places[rows])]
+    if 0 < len(brief) < len(people):
         # A tracker's slip is no reason to refuse the others.
-        table.notes.append(f"left out: seen in one frame alone: {', '.join(brief[:5])}")
+        table.notes.append(f"left out: seen in one frame, or in none: {', '.join(brief[:5])}")
         people = {person: rows for person, rows in people.items() if person not in brief}
     for person, rows in people.items():
         notes, timed = list(table.notes), rows if moments is None else rows[np.isfinite(moments[rows])]

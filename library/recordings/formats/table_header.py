@@ -21,7 +21,7 @@ from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
-    re.compile(r"(?P<joint>.*[a-z0-9\])])(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
+    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
 )
@@ -31,7 +31,8 @@ _AXES = re.compile("w?xyz|0123?4?|1234?")
 _WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
-    r"(?:pos|position|loc|location|coord|world|[pt])?[\W_]*([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*", re.IGNORECASE
+    r"(?:(?:pos|position|loc|location|coord|world|global|[pt])[\W_]*){0,2}([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*",
+    re.IGNORECASE,
 )
 #: Words of columns (`words.toml`).
 _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LENGTHS = (
@@ -122,7 +123,7 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
     """Read the rows above a table's first frame; None where they name no two joints."""
     for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
         # R names no column for the numbers of its rows.
-        row = ["", *rows[place]] if len(rows[place]) == len(first) - 1 and first[-1] else rows[place]
+        row = _continued(["", *rows[place]] if len(rows[place]) == len(first) - 1 and first[-1] else rows[place])
         if row and row[0].strip() == "MARKER_NAMES":
             front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
             # A tab may stand at a line's end, too.
@@ -136,6 +137,16 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
     row = _thrice(rows[-1]) if rows else []
     one = _of_one(row, first)
     return _header(rows, row, *one) if len(one[0]) > _FEW else None
+
+
+def _continued(row: Sequence[str]) -> list[str]:
+    """Give bare axes the name that stands in front of the first one: `head X`, `Y`, `Z`."""
+    names = [*row]
+    for place, name in enumerate(row):
+        before = coordinate_of(names[place - 1].strip()) if place and name.strip() in {*"yzYZ"} else None
+        if before and ord(before[1]) + 1 == ord(name.strip().lower()):
+            names[place] = f"{names[place - 1].rstrip()[:-1]}{name.strip()}"
+    return names
 
 
 def _thrice(row: Sequence[str]) -> list[str]:
@@ -280,7 +291,9 @@ def _header(
     parts = [c for c, each in words.items() if _PARTS >= {*each} > set()]
     times = [c for c, each in words.items() if _TIMES & {*each} or _SECONDS >= {*each} > set()]
     times = sorted({*times, *parts}) if len(parts) > 2 else times
-    frames = [c for c, each in words.items() if each and (each[0] in _FRAMES or each[-1] == "frame")]
+    # ROS puts `field.` in front of all its columns.
+    numbers = [c for c, each in words.items() if len(each) < 4 and _FRAMES & {*each[:1]}]
+    frames = sorted({*numbers, *(c for c, each in words.items() if each[-1:] == ["frame"])})
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
     said = list(_said(rows))
     rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]

@@ -58,7 +58,7 @@ def _texts(name: str, said: Any, group: str = "POINT") -> list[str]:  # noqa: AN
     held = [parameter for each in names if (parameter := said.get(f"{group}:{each}")) and parameter.bytes]
     if any(parameter.bytes_per_element != -1 for parameter in held):
         raise ValueError(f"expected texts in {group}:{name}, got numbers")
-    return [text.strip(" \0") for parameter in held for text in parameter.string_array.ravel().tolist()]
+    return [text.partition("\0")[0].strip() for each in held for text in each.string_array.ravel().tolist()]
 
 
 def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> NDArray[np.float64]:  # noqa: ANN401
@@ -78,33 +78,42 @@ def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> 
 
 
 def _announced(said: Any) -> int:  # noqa: ANN401
-    """Give the number of frames that the file says, by the header or by numbers of two words in TRIAL."""
+    """Give the number of frames by the header (0: it does not say it), or by numbers of two words in TRIAL."""
     first, last = said.header.first_frame, said.header.last_frame
     words = [said.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
     if last == _WRAP - 1 and all(each is not None and each.total_bytes == 4 for each in words):
         first, last = (int(each.uint16_value) + int(each.uint16_array.ravel()[1]) * _WRAP for each in words)
-    return int(last) - int(first) + 1
+        return last - first + 1
+    return (int(last) - int(first) + 1) % _WRAP if last else 0
 
 
 def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:  # noqa: ANN401
     """Read the points, (frames, points, 3) in the file's unit, NaN where one is out of sight, and remarks."""
     points, analog, scale = said.header.point_count, said.header.analog_count, said.header.scale_factor
-    announced, block, width, place = _announced(said), said.header.data_block, 4, 0
-    if not points and (turns := said.get("ROTATION:USED")):
-        # Theia's files hold matrices of segments in place of points: 16 numbers, a place in their last column.
-        points, block, width, place = turns.uint16_value, said.get("ROTATION:DATA_START").uint16_value, 17, 12
-        analog, scale = 0, -1.0
+    begin = said.header.parameter_block
+    # Where the header does not say it, frames follow the parameters, whose third byte counts their blocks.
+    block = said.header.data_block or begin + content[(begin - 1) * _BLOCK + 2]
+    announced, width, place = _announced(said), 4, 0
+    held = (said.get(f"ROTATION:{name}") for name in ("USED", "DATA_START"))
+    turns, matrices = (int(each.uint16_value) if each else 0 for each in held)
+    if turns and matrices > block and points:
+        # Matrices of segments stand behind the points.
+        content = content[: (matrices - 1) * _BLOCK]
+    elif turns and not points:
+        # Theia's files hold them in place of points: 16 numbers, a place in their last column.
+        points, block, width, place, analog, scale = turns, matrices, 17, 12, 0, -1.0
     if points < 2:
         raise ValueError(f"expected at least 2 points, got {points}: a file of forces or other measurements")
-    if announced < 1 or not math.isfinite(scale):
+    if not math.isfinite(scale):
         raise ValueError(f"expected a C3D, got an impossible header ({points} points, {announced} frames)")
     each = width * points + analog
     numbers, notes = _numbers(said, content, block, scale, each), list[str]()
     spare = _BLOCK // (2 * each) + 1
     frames = announced
-    if len(numbers) > announced + spare and (announced == _WRAP - 1 or len(numbers) >= announced + _WRAP):
-        # A header that counts modulo 65,536, or no further: the bytes tell.
-        frames = announced + (len(numbers) - announced) // _WRAP * _WRAP if announced < _WRAP - 1 else len(numbers)
+    unsaid = announced in (0, _WRAP - 1)
+    if len(numbers) > announced + spare and (unsaid or len(numbers) >= announced + _WRAP):
+        # A header that counts modulo 65,536, no further, or not at all: the bytes tell.
+        frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
         while frames > announced and not numbers[frames - 1].any():
             frames -= 1  # the rest of the last block
     frames = min(frames, len(numbers))
@@ -113,9 +122,13 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     if frames != announced:
         notes.append(f"frames: the header says {announced}, there are {frames}: these are taken")
     memory.require_numbers(frames * points * 3)
-    held = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
-    positions = held[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
-    positions[held[:, :, -1] < 0] = np.nan
+    fields = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
+    positions = fields[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
+    gone = fields[:, :, -1] < 0
+    if gone.all() and positions.any():
+        notes.append("residuals: all say that nothing was seen, beside places: the places are taken")
+    else:
+        positions[gone] = np.nan
     return positions, notes
 
 

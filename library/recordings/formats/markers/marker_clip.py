@@ -39,6 +39,8 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
 ) -> list[Clip]:
     """Make a clip of the markers that are wanted and were seen, for each person that their labels name.
 
+    Of several people those who are never seen are left out.
+
     A marker that is missing for a short time is put on a straight line; before its first and after its last sight it
     rests. One that is missing for longer than `MAX_GAP` is left out; where most markers are missing the body rests, and
     the clip lists the gap.
@@ -78,6 +80,10 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     theirs = {place for own in people.values() for place in own}
     if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
         aside.append(f"left out: no performer's: {', '.join(things[:5])}{' ...' if len(things) > 5 else ''}")
+    unseen = [person for person, own in people.items() if not is_seen(positions[:, [kept[each] for each in own]])]
+    if 0 < len(unseen) < len(people):
+        aside.append(f"left out: never seen: {', '.join(unseen[:5])}")
+        people = {person: own for person, own in people.items() if person not in unseen}
     for person, own in people.items():
         names, twice = short_names([*own.values()])
         found = _seen(positions[:, [kept[each] for each in own]])
@@ -86,6 +92,11 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         clip = _clip(names, even, (*notes, *aside, *twice))
         clips.append(hdm05.titled(replace(clip, name=path.stem, actor=person), path))
     return clips
+
+
+def is_seen(positions: NDArray[np.float64]) -> bool:
+    """Say whether there is a person: two markers or more are seen at some time; positions as for `clips_of_markers`."""
+    return bool(np.isfinite(_seen(positions)[:, :, 0]).any(axis=0).sum() > 1)
 
 
 def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:

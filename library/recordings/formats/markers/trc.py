@@ -21,7 +21,7 @@ from kinespace.library.recordings.formats.errors import mended, number_of, refus
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.library.recordings.formats.timed_frames import timing
-from kinespace.library.recordings.formats.units import metres_of
+from kinespace.library.recordings.formats.units import WORDS, metres_of
 
 #: Lines within which the header begins, and words of which it has one.
 _FRONT, _RATES = 20, ("datarate", "numframe", "nummarker")
@@ -158,7 +158,10 @@ def read_clips(
     header = number_of(said.get("datarate", "")) or 0.0
     moments = rows[:, lead - 1] if frame_rate is None and np.isfinite(rows[:, lead - 1]).all() else None
     times, rate = timing(moments, "Time", header if 0 < header < math.inf else 0.0, frame_rate, notes)
-    metres = metres_per_unit or metres_of(said.get("units", "").strip("0123456789."))
+    unit = said.get("units", "").strip("0123456789.")
+    if unit.lower() in WORDS["columns"]["no_lengths"]:
+        raise ValueError(f"expected positions, got numbers in {unit}")
+    metres = metres_per_unit or metres_of(unit)
     if metres is None:
         notes.append(f"units: {said.get('units') or 'none'!r} is no unit: the body's size tells it; --unit names it")
     places = rows[:, lead:].reshape(frames, -1, 3)

@@ -359,6 +359,7 @@ def _tables() -> dict[str, Kind]:
         "/x": (table(head="{}/{}".format), {}),
         ":tx": (table(head="{}:t{}".format), {}),
         "names and X in capitals": (table(head=lambda name, axis: (name + axis).upper()), {"names": tuple(map(str.upper, NAMES))}),
+        "accelerations in capitals": ("time,LACCX,LACCY,LACCZ,LGYRX,LGYRY,LGYRZ\n" + "".join(f"0.{row},1,9,2,1,2,3\n" for row in range(9)), {"reads": False, "tells": "without joints' positions"}),
         "axes behind a name": (table(head=lambda name, axis: f"{name} X" if axis == "x" else axis.upper()), {}),
         "a topic of ROS": (table(clock="%time", times=_times(1e9, 17 * 10**17), head="field.{}.translation.{}".format, more=[("field.header.seq", 1), ("field.header.frame_id", 0)]), {}),
         "X in capitals": (table(head=lambda name, axis: name + axis.upper()), {}),

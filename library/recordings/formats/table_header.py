@@ -21,7 +21,11 @@ from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
-    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
+    # Of names in capitals, `LASIX` is a place, `LACCX` and `LGYRX` are what a sensor of movement says.
+    re.compile(
+        r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}(?<!ACC)(?<!GYR)(?<!MAG)(?<!ROT)(?<!VEL)(?<!ANG)(?<!EUL)(?<!GYRO)))"
+        r"(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"
+    ),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
 )

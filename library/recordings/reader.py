@@ -118,8 +118,8 @@ def _ending(path: Path) -> str:
 def _another(path: Path) -> str:
     """Say what a file is, if it is none of ours whatever its ending; an `.npz` is a ZIP."""
     begun, ending = _begun(path), path.suffix.lower()
-    ours = begun in _READERS or ending == ".npz" or (ending in joint_table.TEXTS and joint_table.is_joint_table(path))
-    return "" if not begun or ours else begun
+    ours = not begun or begun in _READERS or ending == ".npz"
+    return "" if ours or (ending in joint_table.TEXTS and joint_table.is_joint_table(path)) else begun
 
 
 def is_systems(path: Path) -> bool:

@@ -16,6 +16,7 @@ from kinespace.tools.feeding.feed import resampled
 pytestmark = pytest.mark.slow
 
 Feed = list[Frame]
+Answers = Sequence[Recognition]
 
 SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
@@ -42,8 +43,8 @@ def _shown(clips: Iterable[Clip], rate: float, begin: float = 2.0, name: str = "
     return frames
 
 
-def _settings(signature: LiveSignature, **others: float) -> Settings:
-    return Settings(signature=signature, progress=signature is LiveSignature.WINDOWS, **others)  # type: ignore[arg-type]
+def _settings(signature: LiveSignature) -> Settings:
+    return Settings(signature=signature, progress=signature is LiveSignature.WINDOWS)
 
 
 def _assert_alike(first: Sequence[Recognition], second: Sequence[Recognition], within: float) -> None:
@@ -74,15 +75,20 @@ CHANGES: dict[str, tuple[Callable[[Feed], Feed], float]] = {
 }
 
 
-@SIGNATURES
+@pytest.fixture(scope="module", params=LiveSignature)
+def asked(request: pytest.FixtureRequest, small_library: MotionLibrary, feed: Feed) -> tuple[Settings, Answers]:
+    """Give each signature's settings, and the answers to the feed as it is."""
+    settings = _settings(request.param)
+    return settings, pushed(Recognizer(small_library, settings), feed)
+
+
 @pytest.mark.parametrize("change", CHANGES)
 def test_changes_that_do_not_matter(
-    small_library: MotionLibrary, feed: Feed, signature: LiveSignature, change: str
+    small_library: MotionLibrary, feed: Feed, asked: tuple[Settings, Answers], change: str
 ) -> None:
     """A body's place, heading and size, the clock's zero and rounding change no word."""
-    changed, within = CHANGES[change]
-    first, second = (pushed(Recognizer(small_library, _settings(signature)), each) for each in (feed, changed(feed)))
-    _assert_alike(first, second, within)
+    (changed, within), (settings, first) = CHANGES[change], asked
+    _assert_alike(first, pushed(Recognizer(small_library, settings), changed(feed)), within)
 
 
 @SIGNATURES
@@ -94,13 +100,13 @@ def test_a_mirror_image_has_the_samepushed(small_library: MotionLibrary, feed: F
     assert_same(*answers, "events", "done", "seen")
 
 
-@SIGNATURES
 def test_what_is_asked_twice_is_answered_twice(
-    small_library: MotionLibrary, feed: Feed, signature: LiveSignature
+    small_library: MotionLibrary, feed: Feed, asked: tuple[Settings, Answers]
 ) -> None:
     """After a reset, to the last bit; without one after a restart; and frames that come late change nothing."""
-    recognizer = Recognizer(small_library, _settings(signature))
-    first = pushed(recognizer, feed)
+    settings, first = asked
+    recognizer = Recognizer(small_library, settings)
+    assert_same(pushed(recognizer, feed), first)
     recognizer.end()
     recognizer.reset()
     assert_same(pushed(recognizer, feed), first)
@@ -108,7 +114,7 @@ def test_what_is_asked_twice_is_answered_twice(
     recognizer.end()
     assert_same(pushed(recognizer, feed), first)
     assert recognizer.counts.restarts == 1
-    generator, again, answers = np.random.default_rng(2), Recognizer(small_library, _settings(signature)), []
+    generator, again, answers = np.random.default_rng(2), Recognizer(small_library, settings), []
     for frame in feed:
         answers += pushed(again, [frame])
         for _ in range(int(generator.integers(0, 4))):

@@ -10,7 +10,7 @@ with its neighbours, so that a bend may come a little sooner or later (a band of
 way and width say how far each number goes and how far it swings, as unit vectors: the spread beside the directions.
 
 A motion is said where a live window costs less than the motion's limit. The limit comes from what must not be said:
-everyday movement (`everyday`, and the motions called `nothing`), and halves of two classes' motions put together.
+everyday movement (`everyday`, and the motions called `nothing`), and other classes' motions.
 """
 
 import math
@@ -63,8 +63,6 @@ _OF_EVERYDAY = 0.7, 0.6
 #: A limit is this share of the least cost of a motion called `nothing`, or of another class; of a whole motion whose
 #: class has several motions less.
 _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
-#: And of a whole motion this share of the cost that 5 % of the halves put together do not exceed; so many are drawn.
-_OF_HALVES, _QUANTILE, _DRAWN = 1.05, 0.05, 200
 #: Limits of whole motions, and of their first parts, are at most this; limits of classes with several motions less.
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 #: Persons of a class, and classes of so many persons (or most), at least, by whom it is learned how people differ in
@@ -282,8 +280,6 @@ class Courses:
         others = _shares(several) * unlike
         for limit, highest, share, other in zip(limits, _MOST, _OF_EVERYDAY, others, strict=True):
             limit[:] = np.minimum(np.minimum(np.where(several, _MOST_CROSSED, highest), other), share * typical)
-        if len(classes) > 1 and not by_people.all():
-            limits[0] = np.minimum(limits[0], _OF_HALVES * _halves(whole, of_class, pieces[0], whitening))
         limits[0] = np.where(by_people, _of_persons(crossed, of_class, typical, unlike[0]), limits[0])
         counts, limits = _counts(float(seconds.max())), np.maximum(limits, np.float32(_TINY))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
@@ -567,24 +563,6 @@ def _of_persons(crossed: Numbers, of_class: NDArray[np.intp], typical: Numbers, 
         usual = _OF_CROSSED * np.quantile(np.nan_to_num(crossed[own], nan=1.0), _CROSSED)
         limits[own] = np.clip(usual, _LEAST_CROSSED * limits[own], limits[own])
     return limits
-
-
-def _halves(whole: Floats, of_class: NDArray[np.intp], pieces: Pieces, whitening: Floats | None) -> Numbers:
-    """Give what halves of two classes' motions, put together, cost each motion: a low quantile, shape (motions,)."""
-    draw = np.random.default_rng(0)
-    drawn: list[Floats] = []
-    steps, half = np.diff(whole, axis=1), POINTS // 2
-    for _ in range(_DRAWN):
-        one = int(draw.integers(len(whole)))
-        other = int(draw.choice(np.flatnonzero(of_class != of_class[one])))
-        path = np.cumsum(
-            np.concatenate([np.zeros((1, whole.shape[2])), steps[one, :half], steps[other, half:]]), axis=0
-        )
-        ways = ways_of(path)
-        drawn.append(at_equal_way(path, ways, np.zeros(1), ways[-1:]))
-    costs = Pieces.of(np.concatenate(drawn), whitening).costs(pieces)
-    quantile: Numbers = np.quantile(costs, _QUANTILE, axis=0)
-    return quantile
 
 
 # --- everyday movement ------------------------------------------------------------------------------------------------

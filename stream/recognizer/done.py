@@ -35,6 +35,8 @@ _EVIDENT_FOR, _GROWTH, _LEAST_GROWTH = 1.5, 0.2, 0.7
 #: The greatest growth of a limit: of one person's class; of two persons', and of several persons', whose limits are
 #: wider and must not reach motions that are broken off.
 _MOST_GROWTH = 1.8, 1.3, 1.1
+#: How much lower a whole motion's limit is for a window that is e times as long, or as short, as a power of e.
+_OF_TIME = 0.4
 #: Looks for which a motion that costs more than its own limit may come nearer.
 _WAITS = 3
 #: A course that costs so many times its limit is near.
@@ -109,7 +111,7 @@ class Asked(NamedTuple):
     growth
         How much wider each class's limits are, shape (classes,).
     limits
-        Of whole motions and of first parts, shape (pieces,).
+        Of whole motions and of first parts, for each window, shape (windows, pieces).
     """
 
     courses: Courses
@@ -132,7 +134,7 @@ def costs_of(asked: Sequence[Asked]) -> list[NDArray[np.float32]]:
     sizes = np.repeat(np.array([each.size for each in asked], dtype=np.float32), counts)
     windows = windows._replace(lengths=windows.lengths / sizes)
     limits = windows.shared(courses.pieces)
-    limits *= np.array([each.limits for each in asked]).repeat(counts, axis=0)
+    limits *= np.concatenate([each.limits for each in asked])
     near = courses.screen.costs_at_least(windows.courses) < _NEAR * limits
     near &= windows.as_far(courses.pieces)
     near &= np.concatenate([each.free for each in asked])[:, None]
@@ -186,7 +188,11 @@ class DoneFollower:
         self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._limits = np.float32(self._share) * courses.limits.ravel()
+        # People do a motion about as fast as they have shown it.
+        longer = np.log(self._counts[:, None] * STEP / courses.seconds)
+        whole, begun = np.float32(self._share) * courses.limits
+        limits = whole * np.exp(-_OF_TIME * longer**2), np.tile(begun, (len(longer), 1))
+        self._limits = np.concatenate(limits, axis=1, dtype=np.float32)
         self._persons = dict(zip(courses.classes, courses.persons.tolist(), strict=True))
         # Of so many persons as taught the limits.
         most = PERSONS if courses.whitening is not None else PERSONS - 1
@@ -283,14 +289,16 @@ class DoneFollower:
         last, ways = self._count - 1, self._ways[: self._count]
         counts = self._counts[self._counts <= last]
         gone = (ways[last] - ways[last - counts]) / self._size
-        counts = counts[(gone > max(self._least, 0.0)) & (gone < self._most)]
+        kept = np.flatnonzero((gone > max(self._least, 0.0)) & (gone < self._most))
+        counts = counts[kept]
         points = np.zeros((0, POINTS, self._points.shape[1]), dtype=np.float32)
         if len(counts):
             ends = np.full(len(counts), ways[last])
             points = at_equal_way(self._points[: self._count], ways, ways[last - counts], ends)
         # A window must lie behind the motion before.
         free, growth = self.time - counts * STEP >= self._over - _ROUNDING, self._growth()
-        return Asked(self._courses, points, self._size, counts, free, growth, self._limits * growth[self._of_piece])
+        limits = self._limits[kept] * growth[self._of_piece]
+        return Asked(self._courses, points, self._size, counts, free, growth, limits)
 
     def look(self, asked: Asked, costs: NDArray[np.float32]) -> Look:
         """Say what the windows that were asked for show by their costs (`costs_of`)."""

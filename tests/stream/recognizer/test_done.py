@@ -126,7 +126,9 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
                 max(float(mine @ theirs[motion] / np.linalg.norm(mine)), naive.LEAST)
                 for mine, theirs in ((ways, pieces.ways), (widths, pieces.widths))
             ]
-            cost = (1 - float(course @ pieces.courses[motion])) / (shared[0] * shared[1]) / float(limit)
+            slower = math.log(count * STEP / courses.seconds[motion]) if whole else 0.0
+            cost = (1 - float(course @ pieces.courses[motion])) / math.prod(shared) / float(limit)
+            cost *= math.exp(0.4 * slower**2)
             name = courses.classes[int(np.searchsorted(courses.starts, motion, side="right")) - 1]
             best = min(best, (cost / grown[name], name, cost))
     return best[1], best[0], best[2]

@@ -89,11 +89,11 @@ class Convention:
         """Count the names that belong to the convention."""
         return sum(name in self.targets for name in spelled)
 
-    def bare(self, bare: str) -> str:
+    def bare(self, spelled: str) -> str:
         """Give a spelled label without a prefix that the convention's names may have."""
-        front = next((each for each in self.prefixes if bare.startswith(each)), "")
-        rest = bare.removeprefix(front)
-        return rest.lstrip(digits) or rest if front else bare
+        front = next((each for each in self.prefixes if spelled.startswith(each)), "")
+        rest = spelled.removeprefix(front)
+        return rest.lstrip(digits) or rest if front else spelled
 
 
 @lru_cache(maxsize=_MAX_REMEMBERED)
@@ -128,8 +128,8 @@ def _every_name() -> frozenset[str]:
 def _ways(labels: tuple[str, ...]) -> tuple[tuple[list[str], ...], tuple[list[tuple[str, str]], ...]]:
     """Spell labels once for all conventions: a stranger may send thousands.
 
-    First without a namespace; further without the beginning, and without the end, that all of them share; of the last
-    two also by their sides, beside the spelling.
+    First without a namespace; then also without the beginning that all of them share; then without their common end.
+    The second list has the last two, each label by its sides and by its spelling.
     """
     bare = [_NAMESPACE.sub("", label) or label for label in labels]
     front = _without_front(bare)

@@ -9,8 +9,8 @@ with its neighbours, so that a bend may come a little sooner or later (a band of
 
 way and width say how far each number goes and how far it swings, as unit vectors: the spread beside the directions.
 
-A motion is said where a live window costs less than the motion's limit. The limit comes from what must not be said:
-everyday movement (`everyday`, and the motions called `nothing`), and other classes' motions.
+A motion is said where a live window costs less than the motion's limit (`stream.recognizer.done`). The limit comes from
+what must not be said: everyday movement (`everyday`, and the motions called `nothing`), and other classes' motions.
 """
 
 import math
@@ -71,6 +71,8 @@ PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
 #: Limits of these classes' whole motions are such shares of what other classes and everyday movement cost, and at most
 #: this; but at most so many times what this share of a class's motions cost each other, unless that is below the last.
 _OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.82, 0.92), 0.62, 1.8, 0.8, 0.65
+#: The limit of a whole motion of few people's class is multiplied by e^(−.2 log² r) for a window r times as long.
+_OF_TIME = 0.2
 #: Parts of a motion that are compared with everyday movement: a long motion may be made of usual steps.
 _PARTS = 3
 #: Directions by which pieces are screened, and pieces from which the directions are computed, at most.
@@ -272,7 +274,7 @@ class Courses:
         by_people = (persons >= PERSONS)[of_class] & (whitening is not None)
         pieces = Pieces.of(whole, whitening), Pieces.of(begun, whitening)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
-        crossed = _crossed(pieces[0], cut, of_class)
+        crossed, timed = _crossed(pieces[0], cut, of_class, seconds, by_people)
         several = np.isin(of_class, of_class[np.isfinite(crossed)])
         typical = _everyday_costs(cut, motions[0].skeleton, whitening)
         unlike = _least_costs(pieces, *_unwanted(cut, of_class, whitening))
@@ -283,7 +285,7 @@ class Courses:
         limits[0] = np.where(by_people, _of_persons(crossed, of_class, typical, unlike[0]), limits[0])
         counts, limits = _counts(float(seconds.max())), np.maximum(limits, np.float32(_TINY))
         both = Pieces(*map(np.concatenate, zip(*pieces, strict=True)))
-        screen, crossed = Screen.of(both.courses), crossed / limits[0]
+        screen, crossed = Screen.of(both.courses), timed / limits[0]
         named = tuple(classes.tolist())
         known = cls(named, starts, both, screen, limits, whitening, persons, seconds, crossed, counts)
         return known.lowered([clip for clip in motions if clip.class_name == NOTHING])
@@ -294,8 +296,13 @@ class Courses:
         return np.searchsorted(self.starts, np.arange(len(self.seconds)), side="right") - 1
 
     @property
+    def by_people(self) -> NDArray[np.bool_]:
+        """Whether several persons taught each motion's limit, shape (motions,)."""
+        return (self.persons >= PERSONS)[self.of_class] & (self.whitening is not None)
+
+    @property
     def of_few(self) -> frozenset[str]:
-        """The classes that few people show."""
+        """The classes of whose courses few people show one."""
         return frozenset(name for name, persons in zip(self.classes, self.persons, strict=True) if persons < PERSONS)
 
     @property
@@ -333,6 +340,21 @@ class Courses:
 def share_at(false_alarms: float) -> float:
     """Give the share of the limits below which a motion is said, for false alarms an hour that are accepted."""
     return float(np.interp(math.log(false_alarms), np.log(_PROMISED), _SHARES))
+
+
+def of_time(seconds: Numbers, lasting: Numbers, by_people: NDArray[np.bool_]) -> Numbers:
+    """Give what limits of whole motions are multiplied by for windows of so many seconds, shape (windows, motions).
+
+    A person does a motion about as fast as before; limits that several persons taught know how speeds differ.
+
+    Parameters
+    ----------
+    seconds
+        Of the windows, shape (windows,).
+    lasting, by_people
+        How long each motion lasts, and whether several persons taught its limit, shape (motions,).
+    """
+    return np.where(by_people, 1.0, np.exp(-_OF_TIME * np.log(seconds[:, None] / lasting) ** 2))
 
 
 def has_course(clip: Clip) -> bool:
@@ -445,9 +467,14 @@ def _counts(longest: float) -> tuple[int, ...]:
 # --- limits -----------------------------------------------------------------------------------------------------------
 
 
-def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) -> Numbers:
-    """Give the least cost of each motion by others' of its class: other people's, else other clips; NaN for none."""
-    crossed = np.full(len(cut), np.nan)
+def _crossed(
+    pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp], seconds: Numbers, by_people: NDArray[np.bool_]
+) -> Numbers:
+    """Give the least cost of each motion by others' of its class: other people's, else other clips; NaN for none.
+
+    Shape (2, motions): the costs alone, and where others that last as long cost less.
+    """
+    crossed = np.full((2, len(cut)), np.nan)
     for place in np.unique(of_class):
         own = np.flatnonzero(of_class == place)
         pieces_of = [cut[each] for each in own.tolist()]
@@ -455,9 +482,9 @@ def _crossed(pieces: Pieces, cut: Sequence[_Cut], of_class: NDArray[np.intp]) ->
         whose = np.array([each.actor if several else str(each.clip) for each in pieces_of])
         some = Pieces(*(each[own] for each in pieces))
         costs = np.where((whose[:, None] != whose) & some.as_far(some), some.costs(some), np.inf)
-        if costs.size:
-            least = costs.min(axis=1)
-            crossed[own] = np.where(np.isfinite(least), least, np.nan)
+        timed = costs / of_time(seconds[own], seconds[own], by_people[own])
+        least = np.array([costs.min(axis=1), timed.min(axis=1)])
+        crossed[:, own] = np.where(np.isfinite(least), least, np.nan)
     return crossed
 
 

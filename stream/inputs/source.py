@@ -46,8 +46,9 @@ MAX_AT_ONCE = 0.02
 _MAX_DEBT = 0.1
 #: Seconds that a frame takes after decoding, about the time of its recognition.
 PER_EVENT = 5e-5
-#: Seconds that a joint's name takes which has not come before; and skeletons whose names are known, at most.
-_PER_NAME, _MAX_SKELETONS = 1e-4, 256
+#: Seconds that each name of a skeleton takes that has not come lately; and skeletons that are remembered: fewer than
+#: `Naming` remembers, which all sources share.
+_PER_NAME, _MAX_SKELETONS = 1e-4, 32
 #: Seconds after which a silent sender counts as gone.
 _THERE = 1.0
 #: Seconds without a frame after which a sender is silent, and packets are looked at otherwise.

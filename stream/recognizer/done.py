@@ -4,13 +4,15 @@ Ten times a second the last positions are compared, by windows of several length
 first part (`library.windows.courses`). A motion begins when its first part is seen in two looks in a row, and was done
 when all of it is; of one person's class one look is enough. The next motion may begin where this one ended.
 
-The windows of the recogniser say the same in another way. Where their evidence has been better than in nearly all
-everyday movement, a motion may cost more and is seen still; where it was not, less.
+A window that is longer or shorter than a motion of few people's class must cost less. The windows of the recogniser
+say the same in another way. Where their evidence has been better than in nearly all everyday movement, a motion may
+cost more and is seen still; where it was not, less.
 """
 
 import math
 from collections import deque
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +20,17 @@ from numpy.typing import NDArray
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.courses import MAX_WAY, PERSONS, POINTS, Courses, Pieces, at_equal_way, share_at, ways_of
+from kinespace.library.windows.courses import (
+    MAX_WAY,
+    PERSONS,
+    POINTS,
+    Courses,
+    Pieces,
+    at_equal_way,
+    of_time,
+    share_at,
+    ways_of,
+)
 from kinespace.stream.recognition import Seen
 
 #: Steps from one look to the next.
@@ -35,8 +47,6 @@ _EVIDENT_FOR, _GROWTH, _LEAST_GROWTH = 1.5, 0.2, 0.7
 #: The greatest growth of a limit: of one person's class; of two persons', and of several persons', whose limits are
 #: wider and must not reach motions that are broken off.
 _MOST_GROWTH = 1.8, 1.3, 1.1
-#: How much lower a whole motion's limit is for a window that is e times as long, or as short, as a power of e.
-_OF_TIME = 0.4
 #: Looks for which a motion that costs more than its own limit may come nearer.
 _WAITS = 3
 #: A course that costs so many times its limit is near.
@@ -145,6 +155,14 @@ def costs_of(asked: Sequence[Asked]) -> list[NDArray[np.float32]]:
     return np.split(costs, np.cumsum(counts)[:-1])
 
 
+@lru_cache(maxsize=4)
+def _limits_of(courses: Courses, share: float) -> NDArray[np.float32]:
+    """Give a share of the limits, of whole motions and of first parts, for windows of each length: (counts, pieces)."""
+    lasting = of_time(np.array(courses.counts) * STEP, courses.seconds, courses.by_people)
+    whole, begun = share * courses.limits
+    return np.concatenate([whole * lasting, np.tile(begun, (len(lasting), 1))], axis=1, dtype=np.float32)
+
+
 class _Streak:
     """Counts the looks in a row that see the same class."""
 
@@ -188,13 +206,9 @@ class DoneFollower:
         self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        # People do a motion about as fast as they have shown it.
-        longer = np.log(self._counts[:, None] * STEP / courses.seconds)
-        whole, begun = np.float32(self._share) * courses.limits
-        limits = whole * np.exp(-_OF_TIME * longer**2), np.tile(begun, (len(longer), 1))
-        self._limits = np.concatenate(limits, axis=1, dtype=np.float32)
+        self._limits = _limits_of(courses, self._share)
         self._persons = dict(zip(courses.classes, courses.persons.tolist(), strict=True))
-        # Of so many persons as taught the limits.
+        # Limits of so many persons were learned.
         most = PERSONS if courses.whitening is not None else PERSONS - 1
         self._most_growth = {name: _MOST_GROWTH[min(persons, most) - 1] for name, persons in self._persons.items()}
         #: The class of each whole motion, and of each first part.

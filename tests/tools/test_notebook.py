@@ -35,12 +35,12 @@ def test_the_notebook_goes_from_files_to_figures(
             assert not cell["outputs"]
             exec("".join(cell["source"]), names)  # noqa: S102 - our own cells
         if drawn:
-            # What a live feed is told, and what a library is taught, is told of few motions: others are opened fast.
+            # The cells with a live feed, and with a library of one's own, get few motions: they open fast.
             names |= {"library": small_library(), "clips": small_library().motions}
     printed = capsys.readouterr().out
     assert "288 motions of 11 classes by 5 persons" in printed
     assert re.search(r"any other +95\.8\nanother person's +90\.6\n", printed)
     assert drawn == [2, 1]
     guessed, asked = re.search(r"(\d+) of (\d+) squats of other persons are guessed bend", printed).groups()  # type: ignore[union-attr]
-    assert int(guessed) >= 0.9 * int(asked)
+    assert int(guessed) >= 0.9 * int(asked) > 0
     assert "bend" in MotionLibrary.load("taught.npz").classes

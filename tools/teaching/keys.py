@@ -5,6 +5,7 @@ import sys
 import threading
 from codecs import getincrementaldecoder
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
 from typing import Self
 
@@ -61,7 +62,7 @@ class Keys:
         """Give a key's command; new motions are numbered until they are named."""
         if self._typed is not None:
             return self._named(key)
-        if key.isdigit() and 0 < int(key) <= len(performers := self._lessons.performers.names):
+        if key in "123456789" and int(key) <= len(performers := self._lessons.performers.names):
             self._whose = performers[int(key) - 1]
             self._shown.hint = f"{self._whose} is taught · {HINT}"
         if key == "=" and self._taught:
@@ -109,8 +110,11 @@ class Keys:
                 if not select.select([sys.stdin], [], [], _LOOK)[0]:
                     continue
                 # What Python's own text stream has read, `select` does not see.
-                for key in letters.decode(os.read(sys.stdin.fileno(), _AT_ONCE)):
+                if not (typed := os.read(sys.stdin.fileno(), _AT_ONCE)):
+                    break  # the terminal has gone
+                for key in letters.decode(typed):
                     if command := self.command_of(key):
                         self._lessons.ask(Asked(command))
         finally:
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+            with suppress(termios.error):
+                termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

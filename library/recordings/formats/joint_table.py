@@ -63,7 +63,7 @@ _CELL = 150
 _MOST_AT_ONCE = 10
 #: A number in a field of several (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), and the
 #: characters of such a field, at most.
-_PART = re.compile(r"(?:[a-z][\w.]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
+_PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
@@ -137,7 +137,8 @@ def read_clips(
     table = _read(path)
     head, places, (name, moments) = table.header, table.places(), table.clock()
     clips, people = list[Clip](), table.people(path, moments)
-    brief = [person for person, rows in people.items() if len(rows) < 2 < len(places) or not is_seen(places[rows])]
+    several = people.items() if len(people) > 1 else ()
+    brief = [person for person, rows in several if len(rows) < 2 < len(places) or not is_seen(places[rows])]
     if 0 < len(brief) < len(people):
         # A tracker's slip is no reason to refuse the others.
         table.notes.append(f"left out: seen in one frame, or in none: {', '.join(brief[:5])}")

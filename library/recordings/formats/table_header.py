@@ -21,11 +21,7 @@ from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
-    # Of names in capitals, `LASIX` is a place, `LACCX` and `LGYRX` are what a sensor of movement says.
-    re.compile(
-        r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}(?<!ACC)(?<!GYR)(?<!MAG)(?<!ROT)(?<!VEL)(?<!ANG)(?<!EUL)(?<!GYRO)))"
-        r"(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"
-    ),
+    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
     re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
 )
@@ -185,7 +181,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures or _NO_PLACES & {*words_of(joint)} or (turns and len(axes) == 4)
+            if joint in measures or _is_no_place(joint) or (turns and len(axes) == 4)
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
@@ -194,6 +190,12 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         if len(places) > len(best[0]):
             best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
     return best
+
+
+def _is_no_place(name: str) -> bool:
+    """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place."""
+    ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
+    return bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
 def _three(axes: Mapping[str, int]) -> tuple[int, int, int]:

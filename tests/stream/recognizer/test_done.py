@@ -78,6 +78,26 @@ def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) 
     assert sum(half) <= 0.05 * len(clips)
 
 
+@pytest.mark.parametrize("taught_by", ["one", "several"])
+def test_limits_of_one_persons_motions_fall_with_time(index: WindowIndex, taught_by: str) -> None:
+    """A window that lasts longer or shorter than a motion must cost less, unless several persons taught the limit."""
+    one = Courses.of([clip for name in (SQUAT, ARMS) for clip in clips_of(name)[:2]])
+    courses, clip = index.courses if taught_by == "several" else one, clips_of(SQUAT)[3]
+    follower, looks = DoneFollower(courses, clip.skeleton, 6.0), 0
+    for time, frame in zip(clip.times, clip.positions, strict=True):
+        if (asked := follower.push([float(time)], frame[None])) is None:
+            continue
+        for count, limits in zip(asked.counts.tolist(), asked.limits, strict=True):
+            for motion, seconds in enumerate(courses.seconds.tolist()):
+                falls = math.exp(-0.2 * math.log(count / 30 / seconds) ** 2) if taught_by == "one" else 1.0
+                assert limits[motion] == pytest.approx(courses.limits[0, motion] * falls, rel=1e-5)
+            looks += 1
+        np.testing.assert_allclose(
+            asked.limits[:, len(courses.seconds) :], np.tile(courses.limits[1], (len(asked.counts), 1))
+        )
+    assert looks > 10
+
+
 def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     """A squat that is nearer to an example of nothing than to other squats is not said."""
     clip = clips_of(SQUAT)[3]
@@ -126,9 +146,9 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
                 max(float(mine @ theirs[motion] / np.linalg.norm(mine)), naive.LEAST)
                 for mine, theirs in ((ways, pieces.ways), (widths, pieces.widths))
             ]
-            slower = math.log(count * STEP / courses.seconds[motion]) if whole else 0.0
             cost = (1 - float(course @ pieces.courses[motion])) / math.prod(shared) / float(limit)
-            cost *= math.exp(0.4 * slower**2)
+            if whole and courses.whitening is None:
+                cost *= math.exp(0.2 * math.log(count * STEP / courses.seconds[motion]) ** 2)
             name = courses.classes[int(np.searchsorted(courses.starts, motion, side="right")) - 1]
             best = min(best, (cost / grown[name], name, cost))
     return best[1], best[0], best[2]

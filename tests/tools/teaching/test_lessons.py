@@ -306,7 +306,7 @@ def test_the_commands_of_keys() -> None:
     held = [keys.command_of("h") for _ in range(2)]
     assert held == [commands.Hold("", "motion 3"), commands.Hold("", "motion 3", on=False)]
     asked = [commands.Right(), commands.Wrong(), commands.Teach("", "nothing"), commands.Undo(), None, None]
-    assert [keys.command_of(key) for key in "ynmu?9"] == asked
+    assert [keys.command_of(key) for key in "ynmu?9²"] == [*asked, None]
     assert keys.command_of("2") is None
     assert shown.hint.startswith("bob is taught")
     assert keys.command_of("n") == commands.Wrong("bob")
@@ -317,6 +317,7 @@ def test_the_commands_of_keys() -> None:
 def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """All of a pasted text are keys at once, and bytes that are no letters stop none of them."""
     import pty  # noqa: PLC0415 - only on systems with such terminals
+    import termios  # noqa: PLC0415 - as above
 
     asked = list[Asked]()
     lessons = SimpleNamespace(classes=[], performers=SimpleNamespace(names=()), ask=asked.append)
@@ -324,6 +325,8 @@ def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
     with os.fdopen(keyboard, "wb", 0) as hands, os.fdopen(terminal, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         with Keys(lessons, SimpleNamespace(hint="")):  # type: ignore[arg-type]  # as read
+            # Until then whatever is typed is thrown away.
+            until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)
             hands.write(b"t\xff=" + "wéve\n".encode())
             until(lambda: len(asked) == 2)
     assert [each.command for each in asked] == [commands.Teach("", "motion 1"), commands.Rename("motion 1", "wéve")]

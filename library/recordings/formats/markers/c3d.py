@@ -83,7 +83,7 @@ def _announced(said: Any) -> int:  # noqa: ANN401
     words = [said.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
     if last == _WRAP - 1 and all(each is not None and each.total_bytes == 4 for each in words):
         first, last = (int(each.uint16_value) + int(each.uint16_array.ravel()[1]) * _WRAP for each in words)
-        return last - first + 1
+        return max(last - first + 1, 0)
     return (int(last) - int(first) + 1) % _WRAP if last else 0
 
 
@@ -108,15 +108,13 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
         raise ValueError(f"expected a C3D, got an impossible header ({points} points, {announced} frames)")
     each = width * points + analog
     numbers, notes = _numbers(said, content, block, scale, each), list[str]()
-    spare = _BLOCK // (2 * each) + 1
-    frames = announced
-    unsaid = announced in (0, _WRAP - 1)
-    if len(numbers) > announced + spare and (unsaid or len(numbers) >= announced + _WRAP):
-        # A header that counts modulo 65,536, no further, or not at all: the bytes tell.
+    frames, least = announced, announced if announced <= len(numbers) else 0
+    unsaid = announced in (0, _WRAP - 1) or not least
+    if unsaid or len(numbers) >= announced + _WRAP:
+        # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
         frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
-        while frames > announced and not numbers[frames - 1].any():
+        while frames > least and not numbers[frames - 1].any():
             frames -= 1  # the rest of the last block
-    frames = min(frames, len(numbers))
     if not frames:
         raise ValueError("expected frames, got a file that ends before its first one")
     if frames != announced:

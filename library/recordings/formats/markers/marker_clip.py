@@ -80,7 +80,8 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     theirs = {place for own in people.values() for place in own}
     if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
         aside.append(f"left out: no performer's: {', '.join(things[:5])}{' ...' if len(things) > 5 else ''}")
-    unseen = [person for person, own in people.items() if not is_seen(positions[:, [kept[each] for each in own]])]
+    several = people.items() if len(people) > 1 else ()
+    unseen = [person for person, own in several if not is_seen(positions[:, [kept[each] for each in own]])]
     if 0 < len(unseen) < len(people):
         aside.append(f"left out: never seen: {', '.join(unseen[:5])}")
         people = {person: own for person, own in people.items() if person not in unseen}

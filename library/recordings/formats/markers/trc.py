@@ -159,7 +159,7 @@ def read_clips(
     moments = rows[:, lead - 1] if frame_rate is None and np.isfinite(rows[:, lead - 1]).all() else None
     times, rate = timing(moments, "Time", header if 0 < header < math.inf else 0.0, frame_rate, notes)
     unit = said.get("units", "").strip("0123456789.")
-    if unit.lower() in WORDS["columns"]["no_lengths"]:
+    if metres_per_unit is None and unit.lower() in WORDS["columns"]["no_lengths"]:
         raise ValueError(f"expected positions, got numbers in {unit}")
     metres = metres_per_unit or metres_of(unit)
     if metres is None:

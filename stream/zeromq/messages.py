@@ -15,7 +15,8 @@ positions is checked before they are used.
 Answers as ZeroMQ messages: a topic and a JSON object.
 
 `[b"class/<performer>/"][JSON]`, `[b"event/<performer>/"][JSON]`, `[b"done/<performer>/"][JSON]`,
-`[b"classes/"][JSON]`, `[b"status/"][JSON]`; `/` and `%` of the performer's name as in URLs. NaN and infinity are null, because JSON has neither.
+`[b"classes/"][JSON]`, `[b"status/"][JSON]`; `/` and `%` of the performer's name are written as in URLs. NaN and
+infinity are null, because JSON has neither.
 """
 
 import json

@@ -30,7 +30,7 @@ def kind_of(joints: Sequence[str], positions: NDArray[np.floating]) -> FeedKind:
     return "guessed" if 2 * np.count_nonzero(are_of_landmarks(joints, positions)) > len(positions) else "measured"
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def kinds_of(library: MotionLibrary) -> frozenset[FeedKind]:
     """Give the kinds of feed that taught a library's motions."""
     bodies = [each.positions[int(each.frames * look)] for each in library.motions for look in _IN_MOTIONS]

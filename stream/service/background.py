@@ -12,6 +12,7 @@ from multiprocessing.connection import Connection
 
 from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
 from kinespace.stream.packet import remember
+from kinespace.stream.recognizer.fitting import kinds_of
 
 #: Seconds after which a new process is given up.
 _MAX_START = 30.0
@@ -156,6 +157,7 @@ class BackgroundViews:
 
     def _open(self, index: WindowIndex, joints: tuple[str, ...]) -> None:
         try:
-            index.by_joints(joints)
+            # Else the recogniser looks for the kinds, which takes some thousandths of a second, while a feed runs.
+            kinds_of(index.by_joints(joints).library)
         except (ValueError, MemoryError) as error:
             remember(self._refused, (index, joints), str(error) or type(error).__name__, MAX_VIEWS)

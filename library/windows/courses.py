@@ -67,7 +67,7 @@ _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
 _MOST, _MOST_CROSSED = (0.55, 0.45), 0.4
 #: Persons of a class, and classes of so many persons (or most), at least, by whom it is learned how people differ in
 #: one motion; the share of equal scatter.
-PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
+_PERSONS, _CLASSES, _SHRINKAGE = 3, 5, 0.4
 #: Limits of these classes' whole motions are such shares of what other classes and everyday movement cost, and at most
 #: this; but at most so many times what this share of a class's motions cost each other, unless that is below the last.
 _OF_STRANGE, _MOST_STRANGE, _OF_CROSSED, _CROSSED, _LEAST_CROSSED = (0.82, 0.92), 0.62, 1.8, 0.8, 0.65
@@ -271,7 +271,7 @@ class Courses:
         people = [name for name, _ in {(each.class_name, each.actor) for each in cut}]
         persons = np.array([people.count(name) for name in classes])
         whitening = _whitening(whole, cut, of_class, persons)
-        by_people = (persons >= PERSONS)[of_class] & (whitening is not None)
+        by_people = _by_people(persons, whitening)[of_class]
         pieces = Pieces.of(whole, whitening), Pieces.of(begun, whitening)
         seconds = np.array([(len(each.points) - 1) * STEP for each in cut])
         crossed, timed = _crossed(pieces[0], cut, of_class, seconds, by_people)
@@ -297,13 +297,13 @@ class Courses:
 
     @property
     def by_people(self) -> NDArray[np.bool_]:
-        """Whether several persons taught each motion's limit, shape (motions,)."""
-        return (self.persons >= PERSONS)[self.of_class] & (self.whitening is not None)
+        """Whether several persons taught the limits of each class, shape (classes,)."""
+        return _by_people(self.persons, self.whitening)
 
     @property
     def of_few(self) -> frozenset[str]:
         """The classes of whose courses few people show one."""
-        return frozenset(name for name, persons in zip(self.classes, self.persons, strict=True) if persons < PERSONS)
+        return frozenset(name for name, persons in zip(self.classes, self.persons, strict=True) if persons < _PERSONS)
 
     @property
     def beside_others(self) -> frozenset[str]:
@@ -472,7 +472,7 @@ def _crossed(
 ) -> Numbers:
     """Give the least cost of each motion by others' of its class: other people's, else other clips; NaN for none.
 
-    Shape (2, motions): the costs alone, and where others that last as long cost less.
+    Shape (2, motions): the costs alone, and relative to what the others' time leaves of a limit (`of_time`).
     """
     crossed = np.full((2, len(cut)), np.nan)
     for place in np.unique(of_class):
@@ -506,7 +506,7 @@ def _whitening(
     -------
     Shape (numbers, numbers); None where too few classes could teach it.
     """
-    shown = np.flatnonzero(persons >= PERSONS)
+    shown = np.flatnonzero(persons >= _PERSONS)
     if len(shown) < min(_CLASSES, len(persons) // 2 + 1):
         return None
     actors, numbers, courses = np.array([each.actor for each in cut]), whole.shape[2], Pieces.of(whole).courses
@@ -518,6 +518,11 @@ def _whitening(
             differ = (others - theirs[(others @ theirs.T).argmax(axis=1)]).reshape(-1, numbers)
             scatter += differ.T @ differ / (len(differ) * persons[place])
     return whitened(scatter, _SHRINKAGE).astype(np.float32)
+
+
+def _by_people(persons: NDArray[np.intp], whitening: Floats | None) -> NDArray[np.bool_]:
+    """Say which classes' limits several persons teach: where the whitening is learned, theirs."""
+    return (persons >= _PERSONS) & (whitening is not None)
 
 
 def _everyday_costs(cut: Sequence[_Cut], skeleton: Skeleton, whitening: Floats | None) -> Numbers:

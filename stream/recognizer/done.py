@@ -20,17 +20,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
-from kinespace.library.windows.courses import (
-    MAX_WAY,
-    PERSONS,
-    POINTS,
-    Courses,
-    Pieces,
-    at_equal_way,
-    of_time,
-    share_at,
-    ways_of,
-)
+from kinespace.library.windows.courses import MAX_WAY, POINTS, Courses, Pieces, at_equal_way, of_time, share_at, ways_of
 from kinespace.stream.recognition import Seen
 
 #: Steps from one look to the next.
@@ -158,7 +148,7 @@ def costs_of(asked: Sequence[Asked]) -> list[NDArray[np.float32]]:
 @lru_cache(maxsize=4)
 def _limits_of(courses: Courses, share: float) -> NDArray[np.float32]:
     """Give a share of the limits, of whole motions and of first parts, for windows of each length: (counts, pieces)."""
-    lasting = of_time(np.array(courses.counts) * STEP, courses.seconds, courses.by_people)
+    lasting = of_time(np.array(courses.counts) * STEP, courses.seconds, courses.by_people[courses.of_class])
     whole, begun = share * courses.limits
     return np.concatenate([whole * lasting, np.tile(begun, (len(lasting), 1))], axis=1, dtype=np.float32)
 
@@ -208,9 +198,8 @@ class DoneFollower:
         self._counts = np.array(courses.counts, dtype=np.intp)
         self._limits = _limits_of(courses, self._share)
         self._persons = dict(zip(courses.classes, courses.persons.tolist(), strict=True))
-        # Limits of so many persons were learned.
-        most = PERSONS if courses.whitening is not None else PERSONS - 1
-        self._most_growth = {name: _MOST_GROWTH[min(persons, most) - 1] for name, persons in self._persons.items()}
+        learned = zip(self._persons.items(), courses.by_people.tolist(), strict=True)
+        self._most_growth = {name: _MOST_GROWTH[2 if by else min(count, 2) - 1] for (name, count), by in learned}
         #: The class of each whole motion, and of each first part.
         self._of_piece = np.tile(courses.of_class, 2)
         lengths = courses.pieces.lengths

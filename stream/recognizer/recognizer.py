@@ -183,7 +183,8 @@ class Recognizer:
         """Answer with the classes of an index, in an order."""
         classes = index.classes
         self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
-        # Few people's classes start when the course of their motions was seen; what is unknown to others was learned.
+        # Few people's classes start when a course of theirs was seen. Other classes start by their lead, because the
+        # library has learned what is unknown to them.
         self._by_course = index.courses.of_few if self._done else frozenset[str]()
         self._beside = index.courses.beside_others if self._done else frozenset[str]()
         # The index of each class among the index's, one behind the last for a class without windows.

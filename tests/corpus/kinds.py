@@ -754,6 +754,7 @@ def _c3ds() -> dict[str, Kind]:
         "no last frame in the header": (_at(8, b"\0\0"), {"tells": "the header says 0"}),
         "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),
         "frame numbers beyond 16 bits": (_at(6, struct.pack("<HH", 65_500, 11)), {}),
+        "first and last frame exchanged": (_at(6, struct.pack("<HH", 10, 5)) + b"\0" * 512, {"tells": "there are 48"}),
         "no block of frames in the header": (_at(16, b"\0\0"), {}),
         "a name that goes on behind a NUL": (c3d(labels=[name.ljust(14, "\0") for name in NAMES]).replace(b"Head\0\0\0", b"Head\0zz"), {}),
         "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),

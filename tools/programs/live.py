@@ -172,12 +172,13 @@ def recognise(options: argparse.Namespace) -> int:
         status = service.status()
     kept = ends.recording
     lacking = [note for each in ends.sinks if isinstance(each, MidiSink) and each.is_behind for note in each.notes]
-    for line in (
+    lines = (
         *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
         *(frames_made(source) for source in ends.sources if isinstance(source, FeedSource)),
         *([f"{options.record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
         *lacking,
-    ):
+    )
+    for line in dict.fromkeys(lines):
         say(line)
     return 2 if lacking or (lessons and lessons.has_unsaved) else 0
 

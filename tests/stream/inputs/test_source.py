@@ -108,6 +108,13 @@ def test_who_invents_joints_comes_last() -> None:
         receiver.packets.extend([(named, EVE), (frame, ANN)] * 2)
         assert [event.performer for _ in range(4) for event in source.take(moment) or ()] == order.split()
         assert source.take(moment) is None
+    # Nor do many skeletons by turns: the names are remembered for a few of them alone.
+    for number in range(120):
+        named = osc.encode_announcement(Announcement("eve", tuple(f"{n} {number % 40}" for n in range(250))))
+        receiver.packets.extend([(named, EVE), (frame, ANN)] * 2)
+        taken = [event.performer for _ in range(4) for event in source.take(7.0 + 2 * number) or ()]
+        assert taken == ["eve", "ann", "ann", "eve"]
+        assert source.take(7.0 + 2 * number) is None
 
 
 def test_a_packet_is_kept_at_its_arrival() -> None:

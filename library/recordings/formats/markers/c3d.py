@@ -109,7 +109,7 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     each = width * points + analog
     numbers, notes = _numbers(said, content, block, scale, each), list[str]()
     frames, least = announced, announced if announced <= len(numbers) else 0
-    unsaid = announced in (0, _WRAP - 1) or not least
+    unsaid = not least or announced == _WRAP - 1
     if unsaid or len(numbers) >= announced + _WRAP:
         # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
         frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP

@@ -17,8 +17,9 @@ _MIN_KNOWN = 6
 #: A convention is found when it knows this share of the skeleton's names, or when the skeleton has this share of the
 #: joints that the convention names. A hand with twenty bones, or half a body, fails one of the two only.
 _SHARE = 0.6
-#: Skeletons whose names are remembered, at most.
-_MAX_REMEMBERED = 64
+#: Skeletons whose names are remembered, at most; and names of a skeleton that are compared with tables: no body has
+#: more, and a stranger's four thousand would take a third of a second.
+_MAX_REMEMBERED, _MAX_NAMES = 64, 1000
 #: Names that are listed because they are not known, and characters of each, at most.
 _MAX_LISTED, _MAX_LABEL = 8, 24
 #: The joints of each arm and each leg.
@@ -66,7 +67,7 @@ def unknown_names(labels: Sequence[str], joints: Collection[str]) -> str:
     lost = [label[:_MAX_LABEL] for label, name in zip(labels, named, strict=True) if name not in joints]
     if not lost:
         return ""
-    spelled = [(each, each.spelled(labels)) for each in conventions() if each != own_convention()]
+    spelled = [(each, each.spelled(labels[:_MAX_NAMES])) for each in conventions() if each != own_convention()]
     tables = [(each.known(names), each.name) for each, names in spelled if each.fits(names)]
     known, nearest = max(tables, key=lambda each: each[0])
     near = f"the nearest table ({nearest}) knows {known} of {len(labels)}" if known else "no table knows them"
@@ -134,6 +135,8 @@ def _found(labels: tuple[str, ...]) -> NamedJoints:
     """Rename joints by the convention that knows most of them; unchanged where no convention fits."""
     best, most = None, (0, 0.0)
     ours = sum(label in hdm05.SKELETON.joints for label in labels)
+    if len(labels) > _MAX_NAMES:
+        return NamedJoints(labels, None)
     if ours == len(labels) >= _MIN_KNOWN:
         return NamedJoints(labels, own_convention())
     for convention in conventions():

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from skeletons import KNOWN, names_of
 
-from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary
+from kinespace.library.naming import ConventionError, Naming, convention_named, hdm05, summary, unknown_names
 from kinespace.library.naming.convention import parse_convention
 from kinespace.stream.feeds import builtin_names, builtin_preset
 
@@ -137,6 +137,15 @@ def test_spelling_says_nothing(spelled: Callable[[str], str] | str) -> None:
     written = [name.replace("mixamorig:", spelled) if isinstance(spelled, str) else spelled(name) for name in names]
     for named, once, again in zip(Naming().read(written).joints, Naming().read(names).joints, written, strict=True):
         assert named == (once if once in OURS else again)
+
+
+def test_more_names_than_a_body_has_are_compared_with_no_table() -> None:
+    """A thousand names are looked up; with one more they stay as they are, because a stranger's would take too long."""
+    mixamo = convention_named("mixamo")
+    names = [*mixamo.targets, *map(str, range(1000))]
+    assert Naming().read(names[:1000]).convention == mixamo
+    assert Naming().read(names[:1001]).joints == tuple(names[:1001])
+    assert "no table knows them" not in unknown_names(names, hdm05.SKELETON.joints)
 
 
 def test_a_given_convention_is_used() -> None:

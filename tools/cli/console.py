@@ -59,7 +59,11 @@ def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: s
     Whatever names are in it, it stays one line, and has no control characters.
     """
     if _logs is None:
-        console.print(printable(line) if isinstance(line, str) else line, soft_wrap=True)
+        if isinstance(line, str):
+            # A terminal breaks lines itself; rich would take a quarter of a millisecond for each.
+            print(printable(line), flush=True)
+        else:
+            console.print(line, soft_wrap=True)
         return
     moment = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     text = printable(str(line).strip())

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
-from kinespace.library.recordings.formats.errors import Line, RecordingError, number_of, numbers_in, refuse
+from kinespace.library.recordings.formats.errors import Line, RecordingError, mended, number_of, numbers_in, refuse
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import BLOCK, turns
 from kinespace.library.recordings.formats.units import guessed_metres
@@ -210,7 +210,7 @@ def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
         period = round(1 / rate, 6)
         rate = min(period, _frame_rate(f"{period / 1000:.9g}"), key=lambda each: abs(each - round(each)))
         notes.append(f"times: the Frame Time {period:g} is taken for {rate:.6g} frames a second")
-    for line in statements:
+    for line in _whole_frames(statements, size):
         try:
             values.extend(numbers_in(line.words, path, line.number, size))
         except RecordingError:
@@ -226,6 +226,18 @@ def read_bvh(path: Path, frame_rate: float | None = None) -> BvhMotion:
     memory.require_numbers(frames * max(size, 3 * len(hierarchy.joints)))
     channels = np.frombuffer(values, dtype=np.float64).reshape(frames, size)
     return BvhMotion(tuple(hierarchy.joints), channels, rate, tuple(notes))
+
+
+def _whole_frames(statements: Iterator[Line], size: int) -> Iterator[Line]:
+    """Join the lines of each frame, where the first frame stands on several and has as many numbers as expected."""
+    is_broken: bool | None = None
+    for line in statements:
+        whole = line
+        while is_broken is not False and len(mended(whole.words)) < size and (following := next(statements, None)):
+            whole = replace(whole, words=[*whole.words, *following.words])
+        if is_broken is None:
+            is_broken = whole is not line and len(mended(whole.words)) == size
+        yield whole if is_broken else line
 
 
 def _motion_header(statements: Iterator[Line], last: Line, given: float | None) -> tuple[str, float, Iterator[Line]]:

@@ -15,6 +15,10 @@ _NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#n/?a|null|none|undefined|mis
 _THOUSANDS = re.compile(r"(?<![\d.])-?\d{1,3}(\.\d{3}){2,}(?![\d.])")
 
 
+#: A number with commas between its thousands and a point behind them.
+_GROUPED = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d*")
+
+
 class RecordingError(ValueError):
     """A recording cannot be found or used; the message names it and, where there is one, the line or byte."""
 
@@ -58,7 +62,7 @@ def number_of(field: str) -> float | None:
         if _NOTHING.fullmatch(field):
             return math.nan
     try:
-        return float(field.replace(",", "."))
+        return float(field.replace(",", "" if _GROUPED.fullmatch(field) else "."))
     except ValueError:
         return None
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from kinespace.library.clip import Clip
+from kinespace.library.library_file import for_other_motions
 from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.phases import PhaseTable
@@ -281,10 +282,9 @@ class WindowIndex:
             Whether these motions teach what is unknown; else the rejection stays the same.
         """
         places = np.unique(motions)
-        learned = self.library.learned
         some = tuple(self.library.motions[place] for place in places.tolist())
         kept = self._kept(np.isin(self.motions, places))
-        library = replace(self.library, motions=some, learned=learned and learned.for_other_motions())
+        library = replace(self.library, motions=some, learned=for_other_motions(self.library.learned))
         return replace(
             kept,
             library=library,

@@ -106,7 +106,7 @@ def _motions(library: MotionLibrary) -> str:
     found = hashlib.sha256(repr((library.skeleton, [*map(_named, library.motions)])).encode())
     for motion in library.motions:
         found.update(motion.positions.tobytes())
-    for name, numbers in sorted(library.learned.named.items() if library.learned else ()):
+    for name, numbers in sorted(library.learned.items()):
         found.update(name.encode() + numbers.tobytes())
     return found.hexdigest()
 

@@ -5,7 +5,6 @@ A library's file may keep basis and metrics, so that opening the library need no
 
 import zlib
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
@@ -170,7 +169,7 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Taught | None:
     ValueError
         The file keeps an array of another shape, or more directions or axes than are ever learned.
     """
-    learned = teacher.learned.named if teacher.learned else {}
+    learned = teacher.learned
     name = next((name for name, each in WEIGHINGS.items() if each == weighing), None)
     if name is None or _BY not in learned or not np.array_equal(learned[_BY], _taught_by(teacher)):
         return None
@@ -195,7 +194,7 @@ def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
     """Give a library that keeps the basis and the metrics that its own motions teach, so that it opens sooner."""
     by_name = {name: taught_by(library, weighing) for name, weighing in WEIGHINGS.items()}
     basis, comparisons = by_name["across"].basis, {name: taught.comparison for name, taught in by_name.items()}
-    learned = dict(library.learned.named) if library.learned else {}
+    learned = dict(library.learned)
     numbers = {"directions": basis.directions, "weights": basis.weights, "share": np.array([basis.share])}
     learned |= {f"{_BASIS}{name}": array.astype(np.float32) for name, array in numbers.items()}
     for name, comparison in comparisons.items():
@@ -203,17 +202,15 @@ def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
         metrics |= {f"{name} group {place}": each for place, each in enumerate(comparison.groups) if each}
         for each, metric in metrics.items():
             learned |= {f"{TAUGHT}{each} origin": metric.origin, f"{TAUGHT}{each} axes": metric.axes}
-    return replace(library, learned=Learned(learned | {_BY: _taught_by(library)}))
+    return replace(library, learned=learned | {_BY: _taught_by(library)})
 
 
-def _metric(learned: Mapping[str, NDArray[np.float32]], name: str, numbers: int) -> Metric:
+def _metric(learned: Learned, name: str, numbers: int) -> Metric:
     begin = f"{TAUGHT}{name}"
     return Metric(_array(learned, f"{begin} origin", numbers), _array(learned, f"{begin} axes", numbers, MAX_AXES))
 
 
-def _array(
-    learned: Mapping[str, NDArray[np.float32]], name: str, rows: int, most: int | None = None
-) -> NDArray[np.float32]:
+def _array(learned: Learned, name: str, rows: int, most: int | None = None) -> NDArray[np.float32]:
     """Give an array of shape (rows,), or with up to so many columns."""
     array = learned.get(name)
     shape = () if array is None else array.shape

@@ -22,7 +22,6 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
-from kinespace.library.library_file import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
@@ -157,10 +156,10 @@ def run(options: argparse.Namespace) -> None:
     thresholds = [_threshold([], named, rate) for rate in RATES]
     joints = len(library.skeleton.joints)
     rejection = replace(_raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=joints)
-    learned = dict(rejection.kept().named)
+    learned = dict(rejection.kept())
     if fewer := [take for take in takes if take not in whole]:
-        learned |= learned_of_few(library, whole, fewer).kept(few=True).named
-    keeping_lessons(replace(library, learned=Learned(learned))).save(options.output)
+        learned |= learned_of_few(library, whole, fewer).kept(few=True)
+    keeping_lessons(replace(library, learned=learned)).save(options.output)
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
         print_json(rows)

@@ -293,8 +293,14 @@ def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
 
 
 def _index(library: MotionLibrary) -> WindowIndex:
-    """Open a library for asking; its rejection is not used yet."""
-    return replace(WindowIndex.of(library, weighing=ACROSS_LABORATORIES), judged_by=_NOTHING_LEARNED)
+    """Open a library for asking."""
+    return _asked(WindowIndex.of(library, weighing=ACROSS_LABORATORIES))
+
+
+def _asked(index: WindowIndex) -> WindowIndex:
+    """Let an index name all that is asked: its rejection is not used yet."""
+    index.rejection = _NOTHING_LEARNED
+    return index
 
 
 def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
@@ -310,17 +316,18 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
         groups = [[place] for group in groups for place in group]
     for group in progress(groups, "Motions", len(groups)):
         actors = {library.motions[place].actor for place in group}
-        index = whole.without(group) if single else _index(library.without(actors=actors))
+        others_places = [place for place in range(len(library.motions)) if place not in group]
+        index = _asked(whole.of_some(others_places)) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]
         for name in {each.class_name for _, each in own} - {NOTHING}:
-            same = [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
-            left = index.without(same)
+            apart = [place for place, each in enumerate(index.library.motions) if each.class_name != name]
+            left = _asked(index.of_some(apart)) if apart else None
             asking = [place for place, each in own if each.class_name == name]
             others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
             for place, noise in product(asking, _NOISES):
                 clip = library.motions[place]
                 windows, following = _windows(index, clip, noise, place), Evidenced()
-                left_out = _windows(left, clip, noise, place) if len(left) else []
+                left_out = _windows(left, clip, noise, place) if left else []
                 if before := [each for each in others if each.frame_rate == clip.frame_rate]:
                     behind = joined(before[place % len(before)], clip)
                     following = _windows(index, behind, noise, place, behind.duration - clip.duration)

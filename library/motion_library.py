@@ -76,7 +76,7 @@ class MotionLibrary:
             raise ValueError(f"clip {motion.name!r}: expected {rates}")
 
     @classmethod
-    def of_clips(cls, clips: Iterable[Clip], *, learned: Learned | None = None) -> MotionLibrary:
+    def of_clips(cls, clips: Iterable[Clip]) -> MotionLibrary:
         """Make a library of clips; each becomes one motion.
 
         Joints get the first clip's order, or HDM05's order if they are HDM05's joints. Of clips with more than 75
@@ -86,8 +86,6 @@ class MotionLibrary:
         ----------
         clips
             Clips with the same joints, in any order.
-        learned
-            Numbers learned from people.
 
         Raises
         ------
@@ -101,7 +99,7 @@ class MotionLibrary:
         if not given:
             raise ValueError("clips: expected at least one, got none")
         skeleton = _in_canonical_order(given[0].skeleton)
-        return cls(skeleton, tuple(_as_motion(clip, skeleton) for clip in given), learned or {})
+        return cls(skeleton, tuple(_as_motion(clip, skeleton) for clip in given))
 
     @classmethod
     @cache

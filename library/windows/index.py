@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
-from typing import Any, Self
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from kinespace.library.clip import Clip
 from kinespace.library.library_file import for_other_motions
-from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.phases import PhaseTable
 from kinespace.library.signature.basis import Basis
@@ -24,15 +22,8 @@ from kinespace.library.windows.comparison import Comparison, Weighing
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.cutting import Cut, Measured, every_in, placed
 from kinespace.library.windows.rejection import Rejection, rejection_of
-from kinespace.library.windows.remembered import remembered
 from kinespace.library.windows.segments import Segments
 from kinespace.library.windows.taught import taught_by, teacher_of, usual_weighing
-
-#: Threads of linear algebra: the matrices are small, and threads take the cores from each other. On two busy cores,
-#: opening takes 2 to 7 seconds by numpy's own choice of threads, and .7 by one.
-_THREADS = 1
-#: Views by fewer joints that an index keeps.
-MAX_VIEWS = 8
 
 
 @dataclass(eq=False)
@@ -59,8 +50,9 @@ class WindowIndex:
     base, every
         The index of a library from which this one was derived, by other motions; None for itself. And the seconds
         between two windows of the motions that were added.
-    whole
-        The index of all joints that this is a view of, by fewer; None for itself.
+    whole, views
+        The index of all joints that this is a view of, by fewer; None for itself. And its own views
+        (`library.windows.opening`).
     """
 
     library: MotionLibrary
@@ -74,7 +66,7 @@ class WindowIndex:
     base: WindowIndex | None = field(default=None, repr=False)
     every: float | None = None
     whole: WindowIndex | None = field(default=None, repr=False)
-    _views: dict[tuple[str, ...], WindowIndex] = field(default_factory=dict, init=False, repr=False)
+    views: dict[tuple[str, ...], WindowIndex] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, library: MotionLibrary, teacher: MotionLibrary | None = None, weighing: Weighing | None = None) -> Self:
@@ -247,76 +239,3 @@ class WindowIndex:
         index.vectors, index.eigenvectors = tuple(each[order] for each in vectors), eigenvectors[order]
         index.motions = motions[order]
         return index
-
-    def by_joints(self, joints: Sequence[str]) -> WindowIndex:
-        """Give the windows as a body of some of the joints shows them; takes a second where the library is large.
-
-        The view's motions keep no frames, only their classes and persons. The last `MAX_VIEWS` views are kept.
-
-        Raises
-        ------
-        ValueError
-            No motion is long enough for a window.
-        SkeletonMismatchError
-            Fewer than five of the joints are the library's.
-        """
-        if self.whole:
-            return self.whole.by_joints(joints)
-        key = tuple(joints)
-        view = self._views.get(key)
-        if view is None:
-            while len(self._views) >= MAX_VIEWS:
-                self._views.pop(next(iter(self._views)), None)
-            with threadpool_limits(_THREADS):
-                view = self._views[key] = self._viewed_by(key).prepared()
-            give_back_memory()
-        return view
-
-    def has_view(self, joints: tuple[str, ...]) -> bool:
-        """Whether `by_joints` has these windows open."""
-        return self.whole.has_view(joints) if self.whole else joints in self._views
-
-    def _viewed_by(self, joints: tuple[str, ...]) -> WindowIndex:
-        if self.base is None:
-            view = _opened(self.library, self.comparison.weighing, joints)
-        else:
-            # The base's windows are open already, or soon serve other indices, too.
-            base, before = self.base.by_joints(joints), self.base.library.motions
-            shown = {id(motion): fewer for motion, fewer in zip(before, base.library.motions, strict=True)}
-            motions = (shown.get(id(each)) or each.restricted_to(joints) for each in self.library.motions)
-            view = base.of_library(replace(base.library, motions=tuple(motions)), self.every)
-            view.library = _bare(view.library)
-            if self.rejection is self.base.rejection:
-                view.rejection = base.rejection
-        view.whole = self
-        return view
-
-
-@lru_cache(maxsize=4)
-def opened(library: MotionLibrary, weighing: Weighing | None = None) -> WindowIndex:
-    """Give a library's windows; several recognisers of one library share them."""
-    with threadpool_limits(_THREADS):
-        index = _opened(library, weighing or usual_weighing(library)).prepared()
-    give_back_memory()
-    return index
-
-
-def _opened(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...] = ()) -> WindowIndex:
-    """Open a library's windows, or a view by some joints, with all that need not be computed again."""
-
-    def compute() -> tuple[Any, ...]:
-        index = WindowIndex.of(library.restricted_to(joints) if joints else library, weighing=weighing)
-        placed = (index.vectors, index.eigenvectors, index.motions, index.head)
-        return (index.body, index.basis, index.comparison, *placed, index.rejection, index.segments, index.courses)
-
-    *fields, rejection, segments, courses = remembered(library, weighing, joints, compute)
-    index = WindowIndex(_bare(library).restricted_to(joints) if joints else library, *fields)
-    index.rejection, index.segments, index.courses = rejection, segments, courses
-    return index
-
-
-def _bare(library: MotionLibrary) -> MotionLibrary:
-    """Give a library whose motions keep two frames each."""
-    return replace(
-        library, motions=tuple(replace(clip, positions=clip.positions[:2].copy()) for clip in library.motions)
-    )

@@ -117,7 +117,7 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
         for seed, name in enumerate((*STICK_CLASSES, "wave"))
     ]
     learned = {"weights": np.arange(6, dtype=np.float32).reshape(2, 3), "one": np.array(0.5, np.float32)}
-    library = MotionLibrary.of_clips(clips, learned=learned)
+    library = dataclasses.replace(MotionLibrary.of_clips(clips), learned=learned)
     library.save(tmp_path / "library.npz")
     loaded = MotionLibrary.load(tmp_path / "library.npz")
     _assert_equal(loaded, library)
@@ -202,7 +202,8 @@ LITTLE = 40_000_000
 def small_library() -> MotionLibrary:
     """Give a library with a licence and learned arrays."""
     clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
-    return MotionLibrary.of_clips(clips, learned={"weights": np.arange(12, dtype=np.float32).reshape(3, 4)})
+    learned = {"weights": np.arange(12, dtype=np.float32).reshape(3, 4)}
+    return dataclasses.replace(MotionLibrary.of_clips(clips), learned=learned)
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from kinespace.library.windows.courses import Pieces, path_of, windows_of
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
-from kinespace.stream.recognizer.decision import Judgement
+from kinespace.stream.recognizer.decision import NOT_JUDGED, averaged
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for
 from kinespace.tools.evaluation import harness
@@ -409,12 +409,11 @@ def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Reje
 
 def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     """Give the highest averaged evidence of a motion while its class is the guess."""
-    judgement = Judgement()
-    highest = -_FAR
+    before, highest = NOT_JUDGED, -_FAR
     for window in windows:
-        judgement.push(rejection.logit(*window), math.inf, _HOP, rejection)
+        before = averaged(before, rejection.logit(*window), math.inf, _HOP, rejection)
         if window[1] == name:
-            highest = max(highest, judgement.average)
+            highest = max(highest, before[0])
     return highest
 
 
@@ -484,12 +483,14 @@ def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> d
     """Count the results of a threshold on the takes: shares of unknown time and of takes, and starts a minute."""
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:
-        judgement = Judgement()
-        known = [judgement.push(rejection.logit(*window), threshold, _HOP, rejection) for window in course.windows]
+        before, known = NOT_JUDGED, list[bool]()
+        for window in course.windows:
+            before = averaged(before, rejection.logit(*window), threshold, _HOP, rejection)
+            known.append(before[1])
         if course.is_unknown:
             named += _HOP * sum(known)
             seconds += course.take.clip.duration
-            starts += sum(now and not before for before, now in zip([False, *known], known, strict=False))
+            starts += sum(now and not last for last, now in zip([False, *known], known, strict=False))
         elif course.take.contains:
             containing += 1
             right = (guess in course.take.contains for _, guess in course.windows)

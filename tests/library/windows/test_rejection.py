@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from naive_windows import evidence, logit
 
-from kinespace.library import MotionLibrary, WindowIndex
+from kinespace.library import MotionLibrary, WindowIndex, by_joints
 from kinespace.library.windows import rejection as judging
 from kinespace.library.windows.rejection import MAX_LEAD, RATES, Evidence, Rejection
 
@@ -156,6 +156,6 @@ def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) ->
     some, most = builtin_index.of_some(range(0, 288, 9)), judging.most_of_few(learned)
     few = Rejection.of_kept(learned, 5, few=True)
     for joints, expected in ((most + 1, kept), (most, few)):
-        view = some.by_joints(builtin_index.library.skeleton.joints[-joints:])
+        view = by_joints(some, builtin_index.library.skeleton.joints[-joints:])
         assert np.array_equal(view.rejection.thresholds, expected.thresholds)
         assert not np.array_equal(view.rejection.typical, expected.typical)

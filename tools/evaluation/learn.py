@@ -316,8 +316,8 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
         groups = [[place] for group in groups for place in group]
     for group in progress(groups, "Motions", len(groups)):
         actors = {library.motions[place].actor for place in group}
-        others_places = [place for place in range(len(library.motions)) if place not in group]
-        index = _asked(whole.of_some(others_places)) if single else _index(library.without(actors=actors))
+        remaining = [place for place in range(len(library.motions)) if place not in group]
+        index = _asked(whole.of_some(remaining)) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]
         for name in {each.class_name for _, each in own} - {NOTHING}:
             apart = [place for place, each in enumerate(index.library.motions) if each.class_name != name]

@@ -7,7 +7,8 @@ from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.recordings import Reading, clips_of, find_recordings, read_recordings
 from kinespace.library.signature.basis import signature_of, similarity
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
-from kinespace.library.windows.index import WindowIndex, opened
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.opening import by_joints, opened
 
 __all__ = [
     "NOTHING",
@@ -18,6 +19,7 @@ __all__ = [
     "Skeleton",
     "SkeletonMismatchError",
     "WindowIndex",
+    "by_joints",
     "clips_of",
     "distance_rows",
     "find_recordings",

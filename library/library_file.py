@@ -15,9 +15,8 @@ import warnings
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, NamedTuple
+from typing import Annotated, Any, BinaryIO
 
 import msgspec
 import numpy as np
@@ -32,21 +31,13 @@ FORMAT = "kinespace motion library"
 TAUGHT = "taught "
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Learned:
-    """Numbers learned from people, kept with a library's motions: named arrays, each float32."""
+#: Numbers learned from people, kept with a library's motions, by name; empty when nothing was learned.
+Learned = Mapping[str, NDArray[np.float32]]
 
-    named: Mapping[str, NDArray[np.float32]] = field(repr=False)
 
-    @property
-    def judges(self) -> bool:
-        """Whether there are numbers that hold for other motions too."""
-        return any(not name.startswith(TAUGHT) for name in self.named)
-
-    def for_other_motions(self) -> "Learned":
-        """Give the numbers that hold for other motions too."""
-        kept = {name: array for name, array in self.named.items() if not name.startswith(TAUGHT)}
-        return self if len(kept) == len(self.named) else Learned(kept)
+def for_other_motions(learned: Learned) -> Learned:
+    """Give the learned numbers that hold for other motions than those that taught them, too."""
+    return {name: array for name, array in learned.items() if not name.startswith(TAUGHT)}
 
 
 #: Version 3 keeps the motions themselves; older versions kept numbers computed from them.
@@ -83,12 +74,8 @@ class LibraryFileError(ValueError):
     """A file is not a usable motion library; the message names the file and says why."""
 
 
-class Contents(NamedTuple):
-    """The contents of a library's file."""
-
-    skeleton: Skeleton
-    motions: tuple[Clip, ...]
-    learned: Learned | None
+#: What a file holds: the skeleton of all motions, the motions, and the learned numbers.
+Contents = tuple[Skeleton, tuple[Clip, ...], Learned]
 
 
 class _Motions(msgspec.Struct):
@@ -153,30 +140,27 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     OSError
         The folder cannot be written; nothing is left behind.
     """
+    skeleton, motions, learned = contents
     header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
     # What cannot be read again is not written.
     msgspec.json.decode(header, type=_Header)
-    motions = contents.motions
-    _require_sizes(len(contents.skeleton.joints), [motion.frames for motion in motions])
+    _require_sizes(len(skeleton.joints), [motion.frames for motion in motions])
     arrays: dict[str, Any] = _encoded(motions)
-    if contents.learned:
-        arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in contents.learned.named.items()}
+    arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in learned.items()}
     with replacing(path) as file:
         (np.savez_compressed if compressed else np.savez)(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
 
 
 def _described(contents: Contents) -> _Header:
-    motions = contents.motions
+    skeleton, motions, learned = contents
     origins = [(motion.source, motion.licence, motion.attribution) for motion in motions]
     places = {origin: place for place, origin in enumerate(dict.fromkeys(origins))}
-    learned = contents.learned.named if contents.learned else {}
     named = ("class_name", "actor", "take", "name", "frame_rate", "frames")
     columns = {name: [getattr(motion, name) for motion in motions] for name in named}
     table = _Motions(**columns, origin=[places[origin] for origin in origins])
     shapes = {name: array.shape for name, array in learned.items()}
-    joints, parents = contents.skeleton.joints, contents.skeleton.parents
-    return _Header(FORMAT, VERSION, list(joints), list(parents), table, list(places), shapes)
+    return _Header(FORMAT, VERSION, list(skeleton.joints), list(skeleton.parents), table, list(places), shapes)
 
 
 def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
@@ -261,13 +245,12 @@ def _with_new(path: Path, contents: Contents) -> Contents:
     new = beside(path, "new")
     if not new.exists():
         return contents
-    known = {(each.class_name, each.take, each.name, each.frames) for each in contents.motions}
-    added = _read(new)
-    further = [each for each in added.motions if (each.class_name, each.take, each.name, each.frames) not in known]
-    if added.skeleton != contents.skeleton or not further:
+    (skeleton, motions, learned), (other_skeleton, added, _) = contents, _read(new)
+    known = {(each.class_name, each.take, each.name, each.frames) for each in motions}
+    further = [each for each in added if (each.class_name, each.take, each.name, each.frames) not in known]
+    if other_skeleton != skeleton or not further:
         return contents
-    learned = contents.learned and contents.learned.for_other_motions()
-    return Contents(contents.skeleton, (*contents.motions, *further), learned)
+    return skeleton, (*motions, *further), for_other_motions(learned)
 
 
 # --- reading -----------------------------------------------------------------------------------------------------
@@ -381,7 +364,7 @@ def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
     if header.guests:
         said = f"{header.guests} guests of an older file are left out: kinespace compares them with no body any more"
         warnings.warn(said, FutureWarning, stacklevel=2)
-    return Contents(skeleton, clips[: count - header.guests], Learned(learned) if learned else None)
+    return skeleton, clips[: count - header.guests], learned
 
 
 def _decoded(

@@ -1,9 +1,7 @@
 """What a file may take: opened only if it is a regular one, read up to a limit; and memory given back to the system."""
 
-import codecs
 import ctypes
 import errno
-import io
 import os
 import stat
 import struct
@@ -22,8 +20,6 @@ from typing import BinaryIO
 MAX_MEMORY = 1_000_000_000
 #: Bytes of a file that holds no motion, at most: labels, a skeleton, a preset.
 MAX_WITHOUT_MOTION = 1_000_000
-#: Characters of a line, at most: twenty times a frame of 512 joints.
-MAX_LINE = 1_000_000
 #: Bytes of a zip file's directory, at most.
 _MAX_DIRECTORY_BYTES = 64_000
 #: Bytes of memory for a number of a recording, at most: while it is read, it stands in several arrays.
@@ -83,22 +79,6 @@ def require_numbers(count: int) -> None:
     require(count * _BYTES_READ, "memory")
 
 
-def size_of(text: str) -> int:
-    """Read a number of bytes as a person types it: a number, perhaps followed by kB, MB or GB.
-
-    Raises
-    ------
-    ValueError
-        The text is no positive number.
-    """
-    units = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
-    unit = text[-2:].lower()
-    size = float(text[:-2] if unit in units else text) * units.get(unit, 1.0)
-    if not 1 <= size < float("inf"):
-        raise ValueError(f"size: expected a positive number, got {text}")
-    return round(size)
-
-
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
@@ -125,45 +105,6 @@ def content(path: Path, most: int = MAX_WITHOUT_MOTION) -> bytes:
     if len(found) > most:
         raise ValueError(f"{path}: expected at most {most} bytes, got more")
     return found
-
-
-def encoding_of(path: Path) -> str:
-    """Say by its first bytes in which encoding a text is: UTF-8, UTF-16, else Shift-JIS or Windows' Latin letters."""
-    with opened(path) as file:
-        begin = file.read(MAX_WITHOUT_MOTION)
-    if begin[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    if begin[1:40:2].count(0) > 9:
-        return "utf-16-le"
-    for encoding in ("utf-8-sig", "cp932"):
-        try:
-            # The last character may be cut.
-            codecs.getincrementaldecoder(encoding)().decode(begin)
-        except UnicodeDecodeError:
-            continue
-        # Latin letters above ASCII begin at 0xa0; of Japanese text some bytes are lower.
-        if encoding == "utf-8-sig" or any(0x81 <= byte <= 0x9F for byte in begin):
-            return encoding
-    return "cp1252"
-
-
-def lines(path: Path, most: int | None = None, *, encoding: str = "", errors: str = "strict") -> Iterator[str]:
-    """Read a text line by line, each with its end; in the encoding that `encoding_of` finds when none is given.
-
-    Raises
-    ------
-    ValueError
-        The text is longer than `most` characters, or than a file may be, or a line is; or it is of another encoding.
-    OSError
-        The file cannot be opened.
-    """
-    left = limit() if most is None else most
-    with io.TextIOWrapper(opened(path), encoding=encoding or encoding_of(path), errors=errors, newline="") as file:
-        while line := file.readline(MAX_LINE + 1):
-            left -= len(line)
-            if left < 0 or len(line) > MAX_LINE:
-                raise ValueError(f"{path}: expected a shorter {'line' if left >= 0 else 'text'}, got more characters")
-            yield line
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import numpy as np
 from kinespace.library import library_file
 from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
-from kinespace.library.library_file import Learned
+from kinespace.library.library_file import Learned, for_other_motions
 from kinespace.library.naming import Naming, hdm05
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 
@@ -41,7 +41,7 @@ class MotionLibrary:
     motions
         Positions in metres, rounded to whole millimetres; 1 to 75 frames per second.
     learned
-        Numbers learned from people for comparing motions; None when nothing was learned.
+        Numbers learned from people for comparing motions, by name; empty when nothing was learned.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class MotionLibrary:
 
     skeleton: Skeleton
     motions: tuple[Clip, ...] = field(repr=False)
-    learned: Learned | None = field(default=None, repr=False)
+    learned: Learned = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not self.motions:
@@ -76,7 +76,7 @@ class MotionLibrary:
             raise ValueError(f"clip {motion.name!r}: expected {rates}")
 
     @classmethod
-    def of_clips(cls, clips: Iterable[Clip], *, learned: Learned | None = None) -> MotionLibrary:
+    def of_clips(cls, clips: Iterable[Clip]) -> MotionLibrary:
         """Make a library of clips; each becomes one motion.
 
         Joints get the first clip's order, or HDM05's order if they are HDM05's joints. Of clips with more than 75
@@ -86,8 +86,6 @@ class MotionLibrary:
         ----------
         clips
             Clips with the same joints, in any order.
-        learned
-            Numbers learned from people.
 
         Raises
         ------
@@ -101,7 +99,7 @@ class MotionLibrary:
         if not given:
             raise ValueError("clips: expected at least one, got none")
         skeleton = _in_canonical_order(given[0].skeleton)
-        return cls(skeleton, tuple(_as_motion(clip, skeleton) for clip in given), learned)
+        return cls(skeleton, tuple(_as_motion(clip, skeleton) for clip in given))
 
     @classmethod
     @cache
@@ -151,7 +149,7 @@ class MotionLibrary:
     @property
     def contents(self) -> library_file.Contents:
         """What its file holds."""
-        return library_file.Contents(self.skeleton, self.motions, self.learned)
+        return self.skeleton, self.motions, self.learned
 
     def __len__(self) -> int:
         return len(self.motions)
@@ -169,7 +167,7 @@ class MotionLibrary:
     @property
     def judged_by_strangers(self) -> bool:
         """Whether numbers learned from other people's motions distinguish unknown motion from known."""
-        return self.learned is not None and self.learned.judges
+        return bool(for_other_motions(self.learned))
 
     @property
     def licence(self) -> str:
@@ -283,12 +281,11 @@ class MotionLibrary:
         motions = _over(skeleton, first.motions)
         known = {_identity(motion) for motion in motions}
         new = (motion for motion in _over(skeleton, second.motions) if _identity(motion) not in known)
-        learned = self.learned or other.learned
-        return MotionLibrary(skeleton, (*motions, *new), learned and learned.for_other_motions())
+        return MotionLibrary(skeleton, (*motions, *new), for_other_motions(self.learned or other.learned))
 
     def _of(self, skeleton: Skeleton, motions: tuple[Clip, ...]) -> MotionLibrary:
         """Give a library of other motions, with the numbers that hold for them too."""
-        return MotionLibrary(skeleton, motions, self.learned and self.learned.for_other_motions())
+        return MotionLibrary(skeleton, motions, for_other_motions(self.learned))
 
 
 def _clips(given: Iterable[Clip]) -> list[Clip]:

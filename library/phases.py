@@ -7,8 +7,8 @@ phase, and the median of these is the phase on which they agree.
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ SWING_SECONDS = 1.0
 #: A class is cyclic when its recordings end this near to their beginning, relative to the farthest point between, and
 #: in this direction (the cosine).
 _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
+#: Classes whose numbers are kept.
+_CLASSES = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +44,10 @@ class Keyframes:
 
     Attributes
     ----------
-    vectors
-        Posture and velocity, whitened by the differences of actors at the same phase, (recordings, moments, numbers).
+    clips, phases
+        The recordings, and of each the phase of each of its own moments, shape (own moments,).
+    moving
+        Posture and velocity in the basis, shape (recordings, moments, 2 × directions).
     speeds
         Mean squared length of each moment's velocity, relative to the library's mean recording, (recordings, moments).
     usual_speeds
@@ -54,14 +58,20 @@ class Keyframes:
         Mean length of the recordings.
     cyclic
         Whether the recordings end as they begin, so that one can follow another.
+    vectors
+        Posture and velocity, whitened by the differences of actors at the same phase, (recordings, moments, numbers):
+        the only numbers that depend on other classes.
     """
 
-    vectors: NDArray[np.float32] = field(repr=False)
+    clips: tuple[Clip, ...] = field(repr=False)
+    phases: list[NDArray[np.float64]] = field(repr=False)
+    moving: NDArray[np.float64] = field(repr=False)
     speeds: NDArray[np.float64] = field(repr=False)
     usual_speeds: NDArray[np.float64] = field(repr=False)
     usual_swings: NDArray[np.float64] = field(repr=False)
     seconds: float
     cyclic: bool
+    vectors: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 0), np.float32), repr=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,66 +86,32 @@ class PhaseTable:
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
     basis
         The basis of postures.
-    recorded
-        For each class its clips, and their numbers that do not depend on other classes.
     """
 
     classes: Mapping[str, Keyframes]
     whitening: NDArray[np.float64] = field(repr=False)
     basis: Basis = field(repr=False)
-    recorded: "Mapping[str, tuple[tuple[Clip, ...], _Recorded]]" = field(repr=False)
 
     @classmethod
-    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis, known: "PhaseTable | None" = None) -> "PhaseTable":
-        """Find the phases of motions that share a skeleton.
+    def of(cls, motions: Iterable[Clip], body: Body, basis: Basis) -> "PhaseTable":
+        """Find the phases of motions that share a skeleton, whose body and basis are given.
 
         Motions shorter than twice `VELOCITY_SECONDS` are left out, because they cannot be followed.
-
-        Parameters
-        ----------
-        motions, body, basis
-            The motions, and the body and basis of their skeleton.
-        known
-            A table of some of the same motions: a class that did not change is not computed again.
         """
         performed: dict[str, list[Clip]] = {}
         for clip in motions:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
-        before = known.recorded if known and known.basis is basis else {}
-        recorded: dict[str, tuple[tuple[Clip, ...], _Recorded]] = {}
-        for name, clips in performed.items():
-            now, found = tuple(clips), before.get(name)
-            # A clip equals itself alone.
-            recorded[name] = found if found and found[0] == now else (now, _recorded(now, body, basis))
-        numbers = [each for _, each in recorded.values()]
-        whitening = _telling(numbers, _whitening(numbers, 2 * basis.directions.shape[1]))
-        moments = {name: _keyframes(each, whitening) for name, (_, each) in recorded.items()}
-        return cls(moments, whitening, basis, recorded)
+        found = {name: _keyframes(tuple(clips), body, basis) for name, clips in performed.items()}
+        several = [each.moving for each in found.values()]
+        whitening = _telling(several, _whitening(several, 2 * basis.directions.shape[1]))
+        vectors = {name: (each.moving @ whitening).astype(np.float32) for name, each in found.items()}
+        return cls({name: replace(each, vectors=vectors[name]) for name, each in found.items()}, whitening, basis)
 
 
-class _Recorded(NamedTuple):
-    """The numbers of the recordings of one class, which do not depend on other classes.
-
-    Attributes
-    ----------
-    phases
-        Of each recording the phase of each of its own moments.
-    moving, swings
-        At the same phases, shape (recordings, moments, 2 × directions) and (recordings, moments).
-    lengths
-        Moments that each recording has itself.
-    """
-
-    phases: list[NDArray[np.float64]]
-    moving: NDArray[np.float64]
-    swings: NDArray[np.float64]
-    lengths: NDArray[np.intp]
-    cyclic: bool
-
-
-def _recorded(clips: Sequence[Clip], body: Body, basis: Basis) -> _Recorded:
-    """Compute the numbers of a class."""
+@lru_cache(maxsize=_CLASSES)
+def _keyframes(clips: tuple[Clip, ...], body: Body, basis: Basis) -> Keyframes:
+    """Find the moments of a class, without vectors; once, also where another class is taught and this one stays."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving, half = [with_velocity(each) for each in points], basis.directions.shape[1]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
@@ -143,7 +119,11 @@ def _recorded(clips: Sequence[Clip], body: Body, basis: Basis) -> _Recorded:
     cyclic, lengths = _is_cyclic(points, [each[:, half:] for each in moving]), np.array([len(each) for each in moving])
     same = np.linspace(0.0, 1.0, round(lengths.mean()))
     at = [np.interp(same, own, np.arange(len(own))) for own in phases]
-    return _Recorded(phases, _read(moving, at), _read([_swings(each) for each in points], at), lengths, cyclic)
+    read, mean = _read(moving, at), float(lengths.mean())
+    speeds = (read[:, :, half:] ** 2).sum(axis=2) * (lengths[:, None] / mean) ** 2
+    swings = _read([_swings(each) for each in points], at).mean(axis=0)
+    seconds = (mean - 1) / MOMENTS_PER_SECOND
+    return Keyframes(clips, phases, read, speeds, speeds.mean(axis=0), swings, seconds, cyclic)
 
 
 def _read(rows: Sequence[NDArray[np.float64]], at: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -175,36 +155,20 @@ def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.hstack([points, VELOCITY * velocity])
 
 
-def _whitening(recorded: Iterable[_Recorded], width: int) -> NDArray[np.float64]:
+def _whitening(moving: Iterable[NDArray[np.float64]], width: int) -> NDArray[np.float64]:
     """Learn how recordings of a class differ at the same phase; a class of one recording is ignored."""
-    several = [each.moving for each in recorded if len(each.moving) > 1]
-    deviations = [(each - each.mean(axis=0)).reshape(-1, width) for each in several]
-    scatter = np.mean([each.T @ each / len(each) for each in deviations], axis=0) if several else np.eye(width)
+    deviations = [(each - each.mean(axis=0)).reshape(-1, width) for each in moving if len(each) > 1]
+    scatter = np.mean([each.T @ each / len(each) for each in deviations], axis=0) if deviations else np.eye(width)
     return whitened(scatter, _SHRINKAGE) / math.sqrt(float(scatter.trace()) / width or 1.0)
 
 
-def _telling(recorded: Collection[_Recorded], whitening: NDArray[np.float64]) -> NDArray[np.float64]:
+def _telling(moving: Collection[NDArray[np.float64]], whitening: NDArray[np.float64]) -> NDArray[np.float64]:
     """Keep the axes along which the moments of a class differ most, in the mean of the classes."""
-    if not recorded:
+    if not moving:
         return whitening
-    spreads = np.mean([(each.moving @ whitening).var(axis=(0, 1)) for each in recorded], axis=0)
+    spreads = np.mean([(each @ whitening).var(axis=(0, 1)) for each in moving], axis=0)
     kept = np.sort(spreads.argsort()[-_AXES:])
     return np.ascontiguousarray(whitening[:, kept])
-
-
-def _keyframes(recorded: _Recorded, whitening: NDArray[np.float64]) -> Keyframes:
-    """Put the recordings of one class together."""
-    mean = float(recorded.lengths.mean())
-    velocities = recorded.moving[:, :, len(whitening) // 2 :]
-    speeds = (velocities**2).sum(axis=2) * (recorded.lengths[:, None] / mean) ** 2
-    return Keyframes(
-        vectors=(recorded.moving @ whitening).astype(np.float32),
-        speeds=speeds,
-        usual_speeds=speeds.mean(axis=0),
-        usual_swings=recorded.swings.mean(axis=0),
-        seconds=(mean - 1) / MOMENTS_PER_SECOND,
-        cyclic=recorded.cyclic,
-    )
 
 
 def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArray[np.float64]]) -> bool:

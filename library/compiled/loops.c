@@ -47,18 +47,24 @@ typedef struct {
     int count;
 } Arrays;
 
-/* Take an array of so many dimensions, side by side in memory, of numbers of a format; NULL and an error where it is another. */
-static Py_buffer *take(Arrays *arrays, PyObject *object, const char *format, int dimensions, int written) {
-    Py_buffer *view = &arrays->views[arrays->count];
-    if (PyObject_GetBuffer(object, view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (written ? PyBUF_WRITABLE : 0)) < 0) {
-        return NULL;
+/* Take arrays, side by side in memory, of so many dimensions each (0: of one or two) and of doubles, but for those whose bit
+ * is set: of indices, or written. 0 and an error where one is another. */
+static int take(Arrays *arrays, PyObject *const *objects, const int *dimensions, int count, int indices, int written) {
+    for (; arrays->count < count; arrays->count++) {
+        const int bit = 1 << arrays->count, wanted = dimensions[arrays->count];
+        const char *format = indices & bit ? "lqn" : "d";
+        Py_buffer *view = &arrays->views[arrays->count];
+        if (PyObject_GetBuffer(objects[arrays->count], view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (written & bit ? PyBUF_WRITABLE : 0)) < 0) {
+            return 0;
+        }
+        if ((wanted ? view->ndim != wanted : view->ndim < 1 || view->ndim > 2) || strlen(view->format) != 1 ||
+            strchr(format, view->format[0]) == NULL) {
+            PyErr_Format(PyExc_ValueError, "expected %d dimensions of %s, got %d of %s", wanted, format, view->ndim, view->format);
+            PyBuffer_Release(view);
+            return 0;
+        }
     }
-    arrays->count++;
-    if (view->ndim != dimensions || strlen(view->format) != 1 || strchr(format, view->format[0]) == NULL) {
-        PyErr_Format(PyExc_ValueError, "expected %d dimensions of %s, got %d of %s", dimensions, format, view->ndim, view->format);
-        return NULL;
-    }
-    return view;
+    return 1;
 }
 
 /* Let go of all arrays; give a result, or NULL. */
@@ -139,23 +145,20 @@ static PyObject *slide(PyObject *module, PyObject *arguments) {
     PyObject *object[6];
     Py_ssize_t entered, end, left, begin;
     Arrays arrays = {.count = 0};
+    static const int dimensions[] = {1, 1, 2, 0, 1, 2};
     if (!PyArg_ParseTuple(arguments, "OOOOOOnnnn", &object[0], &object[1], &object[2], &object[3], &object[4], &object[5], &entered,
                           &end, &left, &begin)) {
         return NULL;
     }
-    const Py_buffer *reference = take(&arrays, object[0], "d", 1, 0), *clock = reference ? take(&arrays, object[1], "d", 1, 1) : NULL;
-    const Py_buffer *first = clock ? take(&arrays, object[2], "d", 2, 1) : NULL;
-    const Py_buffer *times = first ? take(&arrays, object[4], "d", 1, 0) : NULL, *rows = times ? take(&arrays, object[5], "d", 2, 0) : NULL;
-    Py_buffer *second = rows ? &arrays.views[arrays.count] : NULL;
-    if (second == NULL || PyObject_GetBuffer(object[3], second, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE) < 0) {
+    if (!take(&arrays, object, dimensions, 6, 0, 1 << 1 | 1 << 2 | 1 << 3)) {
         return let_go(&arrays, NULL);
     }
-    arrays.count++;
+    const Py_buffer *reference = &arrays.views[0], *clock = &arrays.views[1], *first = &arrays.views[2], *second = &arrays.views[3];
+    const Py_buffer *times = &arrays.views[4], *rows = &arrays.views[5];
     const Py_ssize_t width = reference->shape[0], count = rows->shape[0];
     const int products = second->ndim == 2;
     if (clock->shape[0] != 4 || first->shape[0] != 2 || first->shape[1] != width || rows->shape[1] != width ||
-        times->shape[0] != count || strcmp(second->format, "d") != 0 || second->ndim > 2 || second->shape[0] != width ||
-        second->shape[second->ndim - 1] != width || entered < 0 || end > count || left < 0 || begin > count) {
+        times->shape[0] != count || second->shape[0] != width || second->shape[second->ndim - 1] != width || entered < 0 || end > count || left < 0 || begin > count) {
         return refused(&arrays, "slide");
     }
     double *clocks = clock->buf, *sums = first->buf, *more = second->buf, squares = 0.0, square = 0.0;
@@ -232,44 +235,37 @@ FOR_EACH_PROCESSOR static void read_parts(const double *restrict reference, cons
     moved[1] = squares;
 }
 
-/* read_distances(reference, clock, first, second, body, floor, level) -> (spread, posture, trend, movement) */
+/* read_distances(reference, clock, first, second, body, floor, level) -> (parts, movement) */
 static PyObject *read_distances(PyObject *module, PyObject *arguments) {
     (void)module;
-    PyObject *object[7], *found[3] = {NULL, NULL, NULL};
-    double floor, level, *numbers[3], moved[2];
+    PyObject *object[7];
+    double floor, level, *parts, moved[2];
     Arrays arrays = {.count = 0};
-    const Py_buffer *view[7];
-    static const char *const formats[] = {"d", "d", "d", "d", "d", "lqn", "d"};
     static const int dimensions[] = {1, 1, 2, 1, 1, 1, 2};
     if (!PyArg_ParseTuple(arguments, "OOOOOOOdd", &object[0], &object[1], &object[2], &object[3], &object[4], &object[5], &object[6],
                           &floor, &level)) {
         return NULL;
     }
-    for (int i = 0; i < 7; i++) {
-        if ((view[i] = take(&arrays, object[i], formats[i], dimensions[i], 0)) == NULL) {
-            return let_go(&arrays, NULL);
-        }
+    if (!take(&arrays, object, dimensions, 7, 1 << 5, 0)) {
+        return let_go(&arrays, NULL);
     }
-    const Py_ssize_t width = view[0]->shape[0], between_them = view[5]->shape[0], *segments = view[5]->buf;
-    int fits = view[1]->shape[0] == 4 && view[2]->shape[0] == 2 && view[2]->shape[1] == width && view[3]->shape[0] == width &&
-               view[4]->shape[0] == width && view[6]->shape[0] == between_them && view[6]->shape[1] == width;
+    const Py_buffer *view = arrays.views;
+    const Py_ssize_t width = view[0].shape[0], between_them = view[5].shape[0], *segments = view[5].buf;
+    int fits = view[1].shape[0] == 4 && view[2].shape[0] == 2 && view[2].shape[1] == width && view[3].shape[0] == width &&
+               view[4].shape[0] == width && view[6].shape[0] == between_them && view[6].shape[1] == width;
     for (Py_ssize_t s = 0; s < between_them; s++) {
         fits = fits && segments[s] >= 0 && segments[s] < width;
     }
     if (!fits) {
         return refused(&arrays, "read_distances");
     }
-    for (int i = 0; i < 3; i++) {
-        if ((found[i] = new_array(0, 0, width, &numbers[i])) == NULL) {
-            for (int j = 0; j < i; j++) {
-                Py_DECREF(found[j]);
-            }
-            return let_go(&arrays, NULL);
-        }
+    PyObject *found = new_array(1, 3, width, &parts);
+    if (found == NULL) {
+        return let_go(&arrays, NULL);
     }
-    read_parts(view[0]->buf, view[1]->buf, view[2]->buf, view[3]->buf, view[4]->buf, segments, between_them, view[6]->buf, width, floor,
-               level, numbers[0], numbers[1], numbers[2], moved);
-    return let_go(&arrays, Py_BuildValue("NNNd", found[0], found[1], found[2], moved[1] > 0.0 ? sqrt(moved[0] / moved[1]) : 0.0));
+    read_parts(view[0].buf, view[1].buf, view[2].buf, view[3].buf, view[4].buf, segments, between_them, view[6].buf, width, floor, level,
+               parts, parts + width, parts + 2 * width, moved);
+    return let_go(&arrays, Py_BuildValue("Nd", found, moved[1] > 0.0 ? sqrt(moved[0] / moved[1]) : 0.0));
 }
 
 /* ---- eigenpairs of a covariance much like the last one ------------------------------------------------------------ */
@@ -435,16 +431,16 @@ static PyObject *read_points(PyObject *module, PyObject *arguments) {
     (void)module;
     PyObject *object[4];
     Arrays arrays = {.count = 0};
+    static const int dimensions[] = {1, 2, 2, 2};
     double floor;
     Py_ssize_t wanted;
     if (!PyArg_ParseTuple(arguments, "OOOdOn", &object[0], &object[1], &object[2], &floor, &object[3], &wanted)) {
         return NULL;
     }
-    const Py_buffer *clock = take(&arrays, object[0], "d", 1, 0), *first = clock ? take(&arrays, object[1], "d", 2, 0) : NULL;
-    const Py_buffer *second = first ? take(&arrays, object[2], "d", 2, 0) : NULL, *near = second ? take(&arrays, object[3], "d", 2, 0) : NULL;
-    if (near == NULL) {
+    if (!take(&arrays, object, dimensions, 4, 0, 0)) {
         return let_go(&arrays, NULL);
     }
+    const Py_buffer *clock = &arrays.views[0], *first = &arrays.views[1], *second = &arrays.views[2], *near = &arrays.views[3];
     const Py_ssize_t size = second->shape[0];
     if (size > DIRECTIONS || size < 2 * NEAR || near->shape[0] != NEAR || wanted < 1 || wanted > EIGENVECTORS) {
         return let_go(&arrays, Py_NewRef(Py_None));

@@ -62,17 +62,13 @@ class Basis:
         values, kept = leading_eigenvectors(weighed, min(MAX_DIRECTIONS, int(moving.sum())))
         total = float(weighed.trace())
         share = float(values.sum()) / total if total > 0 else 0.0
-        return cls.of(_single(kept * weights[:, None]), _single(weights), share)
+        return cls.of(kept * weights[:, None], weights, share)
 
     @classmethod
     def of(cls, directions: NDArray[np.floating], weights: NDArray[np.floating], share: float) -> "Basis":
-        """Make a basis of numbers that were learned before, in single precision; the arguments are the attributes."""
-        return cls(directions.astype(np.float64), weights.astype(np.float64), share)
-
-
-def _single(numbers: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Round numbers to the precision in which a library's file keeps them."""
-    return numbers.astype(np.float32)
+        """Make a basis of its attributes, rounded to the single precision in which a library's file keeps them."""
+        directions, weights = (each.astype(np.float32).astype(np.float64) for each in (directions, weights))
+        return cls(directions, weights, share)
 
 
 def _mean_covariance(motions: Iterable[NDArray[np.float64]], body: Body) -> NDArray[np.float64]:

@@ -42,51 +42,41 @@ JOINTS = (
 )
 
 
-class LandmarkBody:
-    """Makes bodies of landmarks.
+def body_of(joints: Sequence[str], landmarks: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Make a body of landmarks.
 
     Parameters
     ----------
     joints
         The names of the landmarks: HDM05's for the same joints; further ones are left out.
+    landmarks
+        Shape (landmarks, 3), metres or any other unit, y up; NaN where none is seen.
+
+    Returns
+    -------
+    Positions of `JOINTS`, shape (joints, 3), metres from the middle of the hips. A joint that is not seen, or has a
+    joint above it that is not, is NaN.
     """
-
-    def __init__(self, joints: Sequence[str]) -> None:
-        self._places = {name: joints.index(name) for name in JOINTS if name in joints}
-
-    def of(self, landmarks: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Give the joints of a body.
-
-        Parameters
-        ----------
-        landmarks
-            Shape (landmarks, 3), metres or any other unit, y up; NaN where none is seen.
-
-        Returns
-        -------
-        Positions of `JOINTS`, shape (joints, 3), metres from the middle of the hips. A joint that is not seen, or has a
-        joint above it that is not, is NaN.
-        """
-        seen = {name: landmarks[place].astype(np.float64) for name, place in self._places.items()}
-        nowhere = np.full(3, math.nan)
-        left, right = ([seen.get(side + name, nowhere) for name in WIDTHS] for side in _SIDES)
-        hips, shoulders = ((first + second) / 2 for first, second in zip(left, right, strict=True))
-        along = LENGTH * _direction(shoulders - hips)
-        placed = {name: share * along for name, share in TRUNK.items()}
-        placed["head"] = along + HEAD * _direction(seen.get("head", nowhere) - shoulders)
-        for place, (name, width) in enumerate(WIDTHS.items()):
-            across = width / 2 * _direction(left[place] - right[place])
-            middle = along if place else np.zeros(3)
-            placed["l" + name], placed["r" + name] = middle + across, middle - across
-        for side in _SIDES:
-            for name, (above, length) in LIMBS.items():
-                way = seen.get(side + name, nowhere) - seen.get(side + above, nowhere)
-                placed[side + name] = placed[side + above] + length * _direction(way)
-        return np.array([placed[name] for name in JOINTS])
+    seen = {name: place.astype(np.float64) for name, place in zip(joints, landmarks, strict=True)}
+    nowhere = np.full(3, math.nan)
+    left, right = ([seen.get(side + name, nowhere) for name in WIDTHS] for side in _SIDES)
+    hips, shoulders = ((first + second) / 2 for first, second in zip(left, right, strict=True))
+    along = LENGTH * _direction(shoulders - hips)
+    placed = {name: share * along for name, share in TRUNK.items()}
+    placed["head"] = along + HEAD * _direction(seen.get("head", nowhere) - shoulders)
+    for place, (name, width) in enumerate(WIDTHS.items()):
+        across = width / 2 * _direction(left[place] - right[place])
+        middle = along if place else np.zeros(3)
+        placed["l" + name], placed["r" + name] = middle + across, middle - across
+    for side in _SIDES:
+        for name, (above, length) in LIMBS.items():
+            way = seen.get(side + name, nowhere) - seen.get(side + above, nowhere)
+            placed[side + name] = placed[side + above] + length * _direction(way)
+    return np.array([placed[name] for name in JOINTS])
 
 
 def are_of_landmarks(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Say of each body whether `LandmarkBody` made it: by the lengths of its limbs, which no measured body has.
+    """Say of each body whether `body_of` made it: by the lengths of its limbs, which no measured body has.
 
     Parameters
     ----------

@@ -94,21 +94,6 @@ class Moments(NamedTuple):
     trend: NDArray[np.float64]
 
 
-class Eigenpairs(NamedTuple):
-    """The leading eigenvalues and eigenvectors of some covariances, the largest first.
-
-    Attributes
-    ----------
-    values
-        Shape (windows, k).
-    vectors
-        Unit length, shape (windows, k, directions).
-    """
-
-    values: NDArray[np.float64]
-    vectors: NDArray[np.float64]
-
-
 class Signature(NamedTuple):
     """What a window shows.
 
@@ -156,17 +141,19 @@ def trend(moments: Moments, body: Body) -> NDArray[np.float64]:
 FORMULAS = {Kind.SPREAD: spread, Kind.POSTURE: posture, Kind.TREND: trend}
 
 
-def eigen(pairs: Eigenpairs) -> NDArray[np.float64]:
+def eigen(values: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Scale eigenvectors by the fourth root of their eigenvalue's share, shape (windows, k, directions).
+
+    Eigenvalues are (windows, k), eigenvectors of unit length (windows, k, directions), the leading ones first.
 
     The squared inner products of two windows' scaled eigenvectors add up to the inner product of their matrices, Σᵢⱼ
     √λᵢ √μⱼ ⟨uᵢ, vⱼ⟩²: 1 for the same window, 0 for a window that moves in other directions. A window without movement
     has zero vectors.
     """
-    values = np.maximum(pairs.values, 0.0)
+    values = np.maximum(values, 0.0)
     # The squared length of the matrix is the sum of its eigenvalues.
     shares = values / _positive(values.sum(axis=1))[:, None]
-    scaled: NDArray[np.float64] = pairs.vectors * np.sqrt(np.sqrt(shares))[:, :, None]
+    scaled: NDArray[np.float64] = vectors * np.sqrt(np.sqrt(shares))[:, :, None]
     return scaled
 
 

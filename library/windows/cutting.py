@@ -1,6 +1,6 @@
 """Windows cut from whole motions, all windows of a motion at once, and mapped to the vectors that are compared."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,10 +13,7 @@ from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import (
-    EIGENVECTORS,
     FORMULAS,
-    PARTS,
-    Eigenpairs,
     Kind,
     Moments,
     Part,
@@ -60,8 +57,15 @@ def window_ends(clip: Clip, every: float, first: float = FIRST_WINDOW) -> NDArra
     return np.arange(clip.frames, earliest - 1, -step)[::-1]
 
 
-class CutWindows:
-    """The numbers of some motions' windows.
+#: The numbers of each part, (windows, numbers), and the leading eigenvectors of the longest windows in the basis,
+#: (windows, directions).
+Cut = tuple[dict[Part, NDArray[np.float64]], NDArray[np.float64]]
+
+
+def cut_windows(
+    clips: Sequence[Clip], ends: Sequence[NDArray[np.intp]], body: Body, basis: Basis, weighing: Weighing
+) -> Cut:
+    """Compute the numbers of some motions' windows.
 
     Parameters
     ----------
@@ -71,49 +75,36 @@ class CutWindows:
         For each motion the frames before which its windows end (`window_ends`).
     body, basis
         The body and the basis of the skeleton.
-    parts, eigenvectors
-        The parts that are wanted, and the eigenvectors of an eigen part.
-
-    Attributes
-    ----------
-    numbers
-        The numbers of each part, (windows, numbers).
-    leading
-        The leading eigenvector of each of the longest windows in the basis, shape (windows, directions).
+    weighing
+        Says which parts are wanted, with how many eigenvectors.
     """
-
-    def __init__(  # noqa: PLR0913, PLR0917 - motions, and how windows are read
-        self,
-        clips: Sequence[Clip],
-        ends: Sequence[NDArray[np.intp]],
-        body: Body,
-        basis: Basis,
-        parts: Sequence[Part] = PARTS,
-        eigenvectors: int = EIGENVECTORS,
-    ) -> None:
-        of_distances, in_basis = lengths_of(parts)
-        moments: dict[float, list[Moments]] = {seconds: [] for seconds in of_distances}
-        pairs: dict[float, list[Eigenpairs]] = {seconds: [] for seconds in in_basis}
-        for clip, end in zip(clips, ends, strict=True):
-            rows = distance_rows(clip.positions, clip.skeleton)
-            for seconds, found in zip(of_distances, _moments(rows, clip.frame_rate, end, of_distances), strict=True):
-                moments[seconds].append(found)
-            points = rows @ basis.directions
-            for seconds, each in pairs.items():
-                each.append(eigenpairs_of(window_covariances(points, clip, end, seconds), eigenvectors))
-        joined = {each: Moments(*map(np.concatenate, zip(*found, strict=True))) for each, found in moments.items()}
-        eigenpairs = {each: Eigenpairs(*map(np.concatenate, zip(*found, strict=True))) for each, found in pairs.items()}
-        self.numbers = {
-            part: eigen(eigenpairs[part.seconds])
-            if part.kind is Kind.EIGEN
-            else FORMULAS[part.kind](joined[part.seconds], body)
-            for part in parts
-        }
-        self.leading = eigenpairs[in_basis[-1]].vectors[:, 0]
+    of_distances, in_basis = lengths_of(weighing.parts)
+    found = {seconds: list[Moments]() for seconds in of_distances}
+    pairs = {seconds: list[_Eigenpairs]() for seconds in in_basis}
+    for clip, end in zip(clips, ends, strict=True):
+        rows = distance_rows(clip.positions, clip.skeleton)
+        for own, each in zip(found.values(), _moments(rows, clip.frame_rate, end, of_distances), strict=True):
+            own.append(each)
+        points = rows @ basis.directions
+        for seconds, others in pairs.items():
+            others.append(_eigenpairs(window_covariances(points, clip, end, seconds), weighing.eigenvectors))
+    moments = {seconds: Moments(*map(np.concatenate, zip(*each, strict=True))) for seconds, each in found.items()}
+    eigenpairs = {seconds: [*map(np.concatenate, zip(*each, strict=True))] for seconds, each in pairs.items()}
+    numbers = {
+        part: eigen(*eigenpairs[part.seconds])
+        if part.kind is Kind.EIGEN
+        else FORMULAS[part.kind](moments[part.seconds], body)
+        for part in weighing.parts
+    }
+    return numbers, eigenpairs[in_basis[-1]][1][:, 0]
 
 
-def eigenpairs_of(covariances: NDArray[np.float64], most: int = EIGENVECTORS) -> Eigenpairs:
-    """Find the leading eigenpairs of covariances (windows, directions, directions).
+#: Eigenvalues (windows, k) and eigenvectors (windows, k, directions).
+_Eigenpairs = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def _eigenpairs(covariances: NDArray[np.float64], most: int) -> _Eigenpairs:
+    """Find the leading eigenvalues and eigenvectors of covariances (windows, directions, directions).
 
     Raises
     ------
@@ -123,7 +114,7 @@ def eigenpairs_of(covariances: NDArray[np.float64], most: int = EIGENVECTORS) ->
     if not np.isfinite(covariances).all():
         raise ValueError("covariances: expected finite numbers")
     values, vectors = np.linalg.eigh(covariances)
-    return Eigenpairs(values[:, : -most - 1 : -1], vectors.transpose(0, 2, 1)[:, : -most - 1 : -1])
+    return values[:, : -most - 1 : -1], vectors.transpose(0, 2, 1)[:, : -most - 1 : -1]
 
 
 def _moments(
@@ -199,19 +190,6 @@ def every_in(library: MotionLibrary) -> float:
     return EVERY_SEVERAL if len(library.actors) > 1 else _EVERY_ONE
 
 
-class Placed(NamedTuple):
-    """Windows in the form an index keeps; the fields are as in `WindowIndex`."""
-
-    vectors: tuple[NDArray[np.float16], ...]
-    eigenvectors: NDArray[np.float32]
-
-    @classmethod
-    def of(cls, comparison: Comparison, cut: CutWindows) -> "Placed":
-        """Map windows to vectors."""
-        vectors = tuple(each.astype(np.float16, order="C") for each in comparison.place(cut.numbers))
-        return cls(vectors, cut.leading.astype(np.float32))
-
-
 class Measured(NamedTuple):
     """The motions of a library, cut into windows.
 
@@ -221,13 +199,10 @@ class Measured(NamedTuple):
         The motions at the frame rate of the computation.
     ends
         For each motion the frames before which its windows end.
-    motions
-        The index of each window's motion.
     """
 
     clips: list[Clip]
     ends: list[NDArray[np.intp]]
-    motions: NDArray[np.intp]
 
     @classmethod
     def of(cls, library: MotionLibrary, every: float, first: float = FIRST_WINDOW) -> "Measured":
@@ -246,21 +221,22 @@ class Measured(NamedTuple):
             No motion is long enough for a window.
         """
         clips = [thinned(clip, _MEASURED_AT) for clip in library.motions]
-        ends = [window_ends(clip, every, first) for clip in clips]
-        motions = np.repeat(np.arange(len(clips)), [len(each) for each in ends])
-        if not len(motions):
+        measured = cls(clips, [window_ends(clip, every, first) for clip in clips])
+        if not len(measured.motions):
             raise ValueError("library: expected a motion long enough for a window, got none")
-        return cls(clips, ends, motions)
+        return measured
+
+    @property
+    def motions(self) -> NDArray[np.intp]:
+        """The index of each window's motion, shape (windows,)."""
+        return np.repeat(np.arange(len(self.clips)), [*map(len, self.ends)])
 
     def thinned(self, most: int) -> "Measured":
         """Keep at most so many windows, evenly spread."""
-        step = -(-len(self.motions) // most)
-        if step == 1:
-            return self
-        kept = np.arange(len(self.motions)) % step == 0
-        of_motions = np.split(kept, np.searchsorted(self.motions, np.arange(1, len(self.clips))))
-        ends = [each[some] for each, some in zip(self.ends, of_motions, strict=True)]
-        return Measured(self.clips, ends, self.motions[kept])
+        counts = [*map(len, self.ends)]
+        kept = np.arange(sum(counts)) % -(-sum(counts) // most) == 0
+        of_motions = np.split(kept, np.cumsum(counts)[:-1])
+        return Measured(self.clips, [each[some] for each, some in zip(self.ends, of_motions, strict=True)])
 
     def behind_others(self) -> "Measured":
         """Give the same windows as if each motion was played right behind another motion of the same person."""
@@ -274,23 +250,28 @@ class Measured(NamedTuple):
             # Later windows hold nothing of the other motion.
             ends[place] = own[own <= most] + len(last)
             before[key] = clip.positions
-        return Measured(clips, ends, np.repeat(np.arange(len(clips)), [len(each) for each in ends]))
+        return Measured(clips, ends)
 
-    def placed(self, comparison: Comparison, body: Body, basis: Basis) -> Placed:
-        """Compute the windows' vectors."""
-        pieces = [Placed.of(comparison, cut) for cut in self.cut(comparison.weighing, body, basis)]
-        vectors, eigenvectors = zip(*pieces, strict=True)
-        return Placed(tuple(map(np.concatenate, zip(*vectors, strict=True))), np.concatenate(eigenvectors))
-
-    def cut(self, weighing: Weighing, body: Body, basis: Basis) -> Iterator[CutWindows]:
+    def cut(self, weighing: Weighing, body: Body, basis: Basis) -> Iterator[Cut]:
         """Compute the windows' numbers, some motions at a time, because they take much memory."""
         begin = 0
         pieces_of = np.cumsum([0, *map(len, self.ends)]) // _PIECE
         # With the last motion a piece may be full.
         for end in sorted({*(np.flatnonzero(np.diff(pieces_of)) + 1), len(self.clips)}):
-            some = self.clips[begin:end], self.ends[begin:end]
-            yield CutWindows(*some, body, basis, weighing.parts, weighing.eigenvectors)
+            yield cut_windows(self.clips[begin:end], self.ends[begin:end], body, basis, weighing)
             begin = end
+
+
+def placed(
+    comparison: Comparison, windows: Iterable[Cut]
+) -> tuple[tuple[NDArray[np.float16], ...], NDArray[np.float32]]:
+    """Give windows' vectors, and their leading eigenvectors, as `WindowIndex` keeps them."""
+    pieces = []
+    for numbers, leading in windows:
+        vectors = (each.astype(np.float16, order="C") for each in comparison.place(numbers))
+        pieces.append((leading.astype(np.float32), *vectors))
+    eigenvectors, *joined = map(np.concatenate, zip(*pieces, strict=True))
+    return tuple(joined), eigenvectors
 
 
 def thinned(clip: Clip, frame_rate: float) -> Clip:

@@ -171,7 +171,7 @@ class Rejection:
         by_class |= {_SLOPE + name: slope for name, slope in self.slopes.items()}
         numbers |= {name: np.array([number]) for name, number in by_class.items()}
         begin = _FEW if few else ""
-        return Learned({begin + name: array.astype(np.float32) for name, array in numbers.items()})
+        return {begin + name: array.astype(np.float32) for name, array in numbers.items()}
 
     @classmethod
     def of_kept(cls, learned: Learned, groups: int, *, few: bool = False) -> Self:
@@ -185,7 +185,7 @@ class Rejection:
             A number is missing or not finite, there are more or fewer than expected, or `over` is not positive.
         """
         begin = _FEW if few else ""
-        named = {name.removeprefix(begin): each for name, each in learned.named.items() if name.startswith(begin)}
+        named = {name.removeprefix(begin): each for name, each in learned.items() if name.startswith(begin)}
         # Older files do not say over how many seconds.
         named.setdefault("over", np.array([USUAL_OVER], dtype=np.float32))
         shapes = {"weights": 2 * groups + 1, "thresholds": len(RATES), "typical": 2 * groups}
@@ -218,9 +218,9 @@ def _of_classes(prefix: str, numbers: Mapping[str, NDArray[np.float64]]) -> dict
     return {name.removeprefix(prefix): float(each[0]) for name, each in numbers.items() if name.startswith(prefix)}
 
 
-def most_of_few(learned: Learned | None) -> int:
+def most_of_few(learned: Learned) -> int:
     """Give the number of joints up to which a library's file has numbers for few joints; 0 if it has none."""
-    joints = learned.named.get(f"{_FEW}joints") if learned else None
+    joints = learned.get(f"{_FEW}joints")
     return int(joints[0]) if joints is not None and joints.shape == (1,) else 0
 
 
@@ -238,8 +238,10 @@ def by_likelihood(classes: int) -> Rejection:
 def rejection_of(index: WindowIndex) -> Rejection:
     """Give a library's rejection: as strangers' motions taught it, else as its own do."""
     library, weighing = index.library, index.comparison.weighing
+    if not weighing.judges:
+        return by_likelihood(len(index.classes))
     # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
-    if library.learned is None or not library.judged_by_strangers or weighing != usual_weighing(library):
+    if not library.judged_by_strangers or weighing != usual_weighing(library):
         return learned_rejection(index)
     joints = len(library.skeleton.joints)
     few = joints <= most_of_few(library.learned)

@@ -83,7 +83,9 @@ def remembered(
 
 
 def _path(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...]) -> Path:
-    described = (weighing, joints, _arithmetic(), _text(), _motions(library))
+    # Sums may be rounded by these.
+    arithmetic = compiled.in_use, np.__version__, platform.machine(), sys.version_info[:2]
+    described = (weighing, joints, arithmetic, _text(), _motions(library))
     name = hashlib.sha256(repr(described).encode()).hexdigest()
     return cache_folder() / "windows" / f"{name}{_ENDING}"
 
@@ -106,7 +108,7 @@ def _motions(library: MotionLibrary) -> str:
     found = hashlib.sha256(repr((library.skeleton, [*map(_named, library.motions)])).encode())
     for motion in library.motions:
         found.update(motion.positions.tobytes())
-    for name, numbers in sorted(library.learned.named.items() if library.learned else ()):
+    for name, numbers in sorted(library.learned.items()):
         found.update(name.encode() + numbers.tobytes())
     return found.hexdigest()
 
@@ -118,11 +120,6 @@ def _text() -> str:
     for path in sorted([*folder.rglob("*.py"), *folder.rglob("_loops.*"), *folder.glob("*.npz")]):
         found.update(path.read_bytes())
     return found.hexdigest()
-
-
-def _arithmetic() -> tuple[object, ...]:
-    """Identify what sums may be rounded by."""
-    return compiled.in_use, np.__version__, platform.machine(), sys.version_info[:2]
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """The segments of a library's bodies: how long they are, which joints they join, and which joints have another side."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
-from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
-from kinespace.library.naming import hdm05, unknown_names
+from kinespace.library.motion_library import MotionLibrary
 
 #: The joints are in another order if the mean segment is as long as this share of the distances between all joints, and
 #: this factor longer than in any motion of the library. No frame of 22,000 of eight honest sets has such segments; 99 %
@@ -218,12 +217,6 @@ FLAT = "flat: all joints lie in one plane: 2-D landmarks, lifted to 3-D by zeros
 #: A frame is flat when it is thinner than this share of its length. In each of 170 takes of seven sets, by markers,
 #: Kinects and a camera, some frame has .07 or more.
 _THIN = 1e-3
-#: Metres across a body, at least and at most.
-_SMALLEST, _LARGEST = 0.3, 4.0
-#: Frames a second, at least: with fewer `live` lets a performer make room for another.
-_MIN_RATE = 12.0
-#: Frames of a recording that are looked at.
-_LOOKS = 64
 
 
 def is_flat(positions: NDArray[np.floating]) -> bool:
@@ -238,25 +231,3 @@ def is_flat(positions: NDArray[np.floating]) -> bool:
 def in_disorder(count: int, joints: int) -> str:
     """Say in words that the joints are where no body has them."""
     return f"joints: {count} of {joints} where no body has them: in another order, or angles for positions?"
-
-
-def remarks(clip: Clip) -> Iterator[str]:
-    """List a recording's oddities, a line each, whose kind stands before a colon; nothing for an honest body."""
-    joints = clip.skeleton.joints
-    looks = clip.positions[:: -(-clip.frames // _LOOKS)]
-    known = [place for place, name in enumerate(hdm05.SKELETON.joints) if name in joints]
-    if len(known) < MIN_JOINTS:
-        yield unknown_names(joints, hdm05.SKELETON.joints) or f"joints: {len(joints)}, expected {MIN_JOINTS} at least"
-    else:
-        skeleton = hdm05.SKELETON.restricted_to(known)
-        ends = np.array([(child, parent) for child, parent in enumerate(skeleton.parents) if parent >= 0])
-        there = looks[:, skeleton.order_from(joints)]
-        if np.median(shares_of_size(there, ends)) >= DISORDER:
-            yield in_disorder(len(known), len(joints))
-    if is_flat(looks):
-        yield FLAT
-    across = float(np.median(np.linalg.norm(np.ptp(looks, axis=1), axis=1)))
-    if not _SMALLEST <= across <= _LARGEST:
-        yield f"size: {across:.3g} m across: no whole body, or another unit"
-    if clip.frame_rate < _MIN_RATE:
-        yield f"frame rate: {clip.frame_rate:g} frames a second, expected {_MIN_RATE:g} at least"

@@ -5,10 +5,8 @@ A library's file may keep basis and metrics, so that opening the library need no
 
 import zlib
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import groupby
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +27,7 @@ from kinespace.library.windows.comparison import (
     Metric,
     Weighing,
 )
-from kinespace.library.windows.cutting import EVERY_SEVERAL, CutWindows, Measured, thinned
+from kinespace.library.windows.cutting import EVERY_SEVERAL, Cut, Measured, cut_windows, thinned
 
 #: Raised when basis or metrics are learned in another way: numbers of another version are learned again.
 _VERSION = 1
@@ -54,26 +52,9 @@ _LEAST_OF_CLASS = 8
 _TEACHERS = 3
 
 
-class Taught(NamedTuple):
-    """What a library's motions taught.
-
-    Attributes
-    ----------
-    basis, comparison
-        How windows are computed and compared.
-    head
-        What helps to name the classes that taught it; None where too few motions did.
-    windows
-        The windows that taught; None when basis and comparison were read from the library's file.
-    """
-
-    basis: Basis
-    comparison: Comparison
-    head: Head | None = None
-    windows: CutWindows | None = None
-
-
-def taught_by(teacher: MotionLibrary, weighing: Weighing, *, names: bool = False) -> Taught:
+def taught_by(
+    teacher: MotionLibrary, weighing: Weighing, *, names: bool = False
+) -> tuple[Basis, Comparison, Head | None, Cut | None]:
     """Give what a library teaches: as its file keeps it, or learned from its motions.
 
     Parameters
@@ -82,21 +63,22 @@ def taught_by(teacher: MotionLibrary, weighing: Weighing, *, names: bool = False
         The motions, and the groups of parts that are compared.
     names
         Whether the motions are named by what they taught, so that a head may help.
+
+    Returns
+    -------
+    How windows are computed and compared; what helps to name the classes that taught it, None where too few motions
+    did; and the windows that taught. The last two are None where basis and metrics are read from the library's file.
     """
     if kept := kept_of(teacher, weighing):
-        return kept
-    measured, body = (
-        Measured.of(teacher, EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS),
-        Body.of(teacher.skeleton),
-    )
+        return *kept, None, None
     basis = learned_basis(teacher, weighted=not weighing.by_products)
-    windows = CutWindows(measured.clips, measured.ends, body, basis, weighing.parts, weighing.eigenvectors)
-    comparison = Comparison.learned(weighing, windows.numbers, _lessons(teacher, measured.motions))
-    taught = Taught(basis, comparison, windows=windows)
+    lessons = Measured.of(teacher, EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS)
+    cut = cut_windows(lessons.clips, lessons.ends, Body.of(teacher.skeleton), basis, weighing)
+    comparison = Comparison.learned(weighing, cut[0], _lessons(teacher, lessons.motions))
     # Only where all parts have one metric is the library's laboratory that of the feed.
     if names and _has_head(teacher) and None not in comparison.groups:
-        return taught._replace(head=_learned_head(teacher, taught, measured, windows))
-    return taught
+        return basis, comparison, _learned_head(teacher, basis, comparison, lessons, cut), cut
+    return basis, comparison, None, cut
 
 
 def usual_weighing(library: MotionLibrary) -> Weighing:
@@ -150,11 +132,11 @@ def _has_head(library: MotionLibrary) -> bool:
     return teaches_itself(library) and min(classes.values()) >= _LEAST_OF_CLASS
 
 
-def _learned_head(library: MotionLibrary, taught: Taught, lessons: Measured, cut: CutWindows) -> Head:
+def _learned_head(library: MotionLibrary, basis: Basis, comparison: Comparison, lessons: Measured, cut: Cut) -> Head:
     """Learn a head from the windows that taught the metrics, and from the same behind other motions."""
-    behind, weighing = lessons.behind_others().thinned(_MAX_BEHIND), taught.comparison.weighing
-    windows = (cut, *behind.cut(weighing, Body.of(library.skeleton), taught.basis))
-    vectors = [np.concatenate([*taught.comparison.placed(each.numbers).values()], axis=1) for each in windows]
+    behind = lessons.behind_others().thinned(_MAX_BEHIND)
+    windows = (cut, *behind.cut(comparison.weighing, Body.of(library.skeleton), basis))
+    vectors = [np.concatenate([*comparison.placed(numbers).values()], axis=1) for numbers, _ in windows]
     motions = np.concatenate([lessons.motions, behind.motions]).tolist()
     return Head.learned(np.concatenate(vectors), [library.motions[place].class_name for place in motions])
 
@@ -162,7 +144,7 @@ def _learned_head(library: MotionLibrary, taught: Taught, lessons: Measured, cut
 # --- in a library's file ----------------------------------------------------------------------------------------------
 
 
-def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Taught | None:
+def kept_of(teacher: MotionLibrary, weighing: Weighing) -> tuple[Basis, Comparison] | None:
     """Give the basis and metrics in a library's file; None if it has none for this weighing and these motions.
 
     Raises
@@ -170,7 +152,7 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Taught | None:
     ValueError
         The file keeps an array of another shape, or more directions or axes than are ever learned.
     """
-    learned = teacher.learned.named if teacher.learned else {}
+    learned = teacher.learned
     name = next((name for name, each in WEIGHINGS.items() if each == weighing), None)
     if name is None or _BY not in learned or not np.array_equal(learned[_BY], _taught_by(teacher)):
         return None
@@ -188,32 +170,30 @@ def kept_of(teacher: MotionLibrary, weighing: Weighing) -> Taught | None:
         else None
         for place, group in enumerate(weighing.groups)
     )
-    return Taught(Basis.of(directions, weights, float(share[0])), Comparison(weighing, parts, groups))
+    return Basis.of(directions, weights, float(share[0])), Comparison(weighing, parts, groups)
 
 
 def keeping_lessons(library: MotionLibrary) -> MotionLibrary:
     """Give a library that keeps the basis and the metrics that its own motions teach, so that it opens sooner."""
-    by_name = {name: taught_by(library, weighing) for name, weighing in WEIGHINGS.items()}
-    basis, comparisons = by_name["across"].basis, {name: taught.comparison for name, taught in by_name.items()}
-    learned = dict(library.learned.named) if library.learned else {}
-    numbers = {"directions": basis.directions, "weights": basis.weights, "share": np.array([basis.share])}
-    learned |= {f"{_BASIS}{name}": array.astype(np.float32) for name, array in numbers.items()}
-    for name, comparison in comparisons.items():
+    learned = dict(library.learned)
+    for name, weighing in WEIGHINGS.items():
+        basis, comparison, *_ = taught_by(library, weighing)
+        numbers = {"directions": basis.directions, "weights": basis.weights, "share": np.array([basis.share])}
+        # Both weighings have one basis.
+        learned |= {f"{_BASIS}{name}": array.astype(np.float32) for name, array in numbers.items()}
         metrics = {f"{name} {part.name}": metric for part, metric in comparison.parts.items()}
         metrics |= {f"{name} group {place}": each for place, each in enumerate(comparison.groups) if each}
         for each, metric in metrics.items():
             learned |= {f"{TAUGHT}{each} origin": metric.origin, f"{TAUGHT}{each} axes": metric.axes}
-    return replace(library, learned=Learned(learned | {_BY: _taught_by(library)}))
+    return replace(library, learned=learned | {_BY: _taught_by(library)})
 
 
-def _metric(learned: Mapping[str, NDArray[np.float32]], name: str, numbers: int) -> Metric:
+def _metric(learned: Learned, name: str, numbers: int) -> Metric:
     begin = f"{TAUGHT}{name}"
     return Metric(_array(learned, f"{begin} origin", numbers), _array(learned, f"{begin} axes", numbers, MAX_AXES))
 
 
-def _array(
-    learned: Mapping[str, NDArray[np.float32]], name: str, rows: int, most: int | None = None
-) -> NDArray[np.float32]:
+def _array(learned: Learned, name: str, rows: int, most: int | None = None) -> NDArray[np.float32]:
     """Give an array of shape (rows,), or with up to so many columns."""
     array = learned.get(name)
     shape = () if array is None else array.shape

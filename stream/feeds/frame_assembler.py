@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinespace.library.signature.landmark_body import LandmarkBody
+from kinespace.library.signature.landmark_body import body_of
 from kinespace.stream.feeds.kinematics import Vector, world_positions
 from kinespace.stream.feeds.message_reader import Mapper, MessageError, Reading, Sighting
 from kinespace.stream.feeds.preset import Closing, Means, Preset
@@ -138,7 +138,7 @@ class FrameAssembler:
         self._targets = preset.sent
         #: Whether joints may never come.
         self._takes_some = bool(preset.bones) or preset.closings.some
-        self._body = LandmarkBody(preset.sent) if preset.guessed else None
+        self._guessed = preset.guessed
         self._axes = np.array([axis for axis, _ in preset.axes])
         self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
@@ -334,8 +334,8 @@ class FrameAssembler:
         # A number that overflows is impossibly far, and is refused as such.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = np.array([places[target] for target in targets])[:, self._axes] * self._metres
-        if self._body:
-            positions = self._body.of(positions)
+        if self._guessed:
+            positions = body_of(self._targets, positions)
         try:
             frame = Frame(name, moment, positions)
         except ValueError:

@@ -134,40 +134,29 @@ class SoFar:
         return int(self._sums.argmin())
 
 
-class Judgement:
-    """Whether the guess is known: averaged evidence against a threshold, which is lower for a named motion.
+#: The averaged evidence, a logit (`library.windows.rejection`), NaN before the first; and whether the guess is known.
+Judged = tuple[float, bool]
+NOT_JUDGED: Judged = (math.nan, False)
 
-    Attributes
+
+def averaged(before: Judged, logit: float, threshold: float, elapsed: float, rejection: Rejection) -> Judged:
+    """Average evidence, and hold it against a threshold, which is lower for a named motion.
+
+    Parameters
     ----------
-    average
-        The averaged evidence, as a logit (`library.windows.rejection`); NaN before the first.
+    before
+        What was given for the window before.
+    logit, threshold
+        The evidence of the newest window, and from which evidence a guess is known.
+    elapsed
+        Seconds since the last window.
+    rejection
+        Says over how many seconds evidence is averaged, and how far it may fall for a named motion.
     """
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget everything, as at the start."""
-        self.average = math.nan
-        self._known = False
-
-    def push(self, logit: float, threshold: float, elapsed: float, rejection: Rejection) -> bool:
-        """Take in the evidence of the newest window; say whether the guess is known.
-
-        Parameters
-        ----------
-        logit, threshold
-            The evidence, and from which evidence a guess is known.
-        elapsed
-            Seconds since the last window.
-        rejection
-            Says over how many seconds evidence is averaged, and how far it may fall for a named motion.
-        """
-        if math.isnan(self.average):
-            self.average = logit
-        self.average -= math.expm1(-elapsed / rejection.over) * (logit - self.average)
-        self._known = self.average >= threshold - (rejection.held if self._known else 0.0)
-        return self._known
+    average, known = before
+    average = logit if math.isnan(average) else average
+    average -= math.expm1(-elapsed / rejection.over) * (logit - average)
+    return average, average >= threshold - (rejection.held if known else 0.0)
 
 
 class Decided(NamedTuple):
@@ -208,7 +197,7 @@ class Decision:
     """
 
     def __init__(self, lead: float, going_on: Event | None = None, stillness: float = 0.0) -> None:
-        self._guess, self._judgement, self._event = Hysteresis(LEAD), Judgement(), Hysteresis(lead)
+        self._guess, self._judged, self._event = Hysteresis(LEAD), NOT_JUDGED, Hysteresis(lead)
         self._active, self._stillness = going_on, stillness
         self._event.current = going_on.label if going_on else None
         self._decided_at = self._event_at = math.nan
@@ -223,8 +212,7 @@ class Decision:
     def clear(self) -> None:
         """Forget the guess and the evidence, as at the start; a motion that goes on stays."""
         self._guess.clear()
-        self._judgement.clear()
-        self._decided_at, self._near_until = math.nan, -math.inf
+        self._judged, self._decided_at, self._near_until = NOT_JUDGED, math.nan, -math.inf
 
     def exchange(self, index: WindowIndex, classes: Collection[str], lead: float, time: float) -> Event | None:
         """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone.
@@ -270,8 +258,8 @@ class Decision:
         if weighing.judges:
             evidence = Evidence.of(distances.judged, classes.index(guess), noise)
             rejection = index.rejection
-            known = self._judgement.push(rejection.logit(evidence, guess), windows.threshold, elapsed, rejection)
-            average = self._judgement.average
+            logit = rejection.logit(evidence, guess)
+            self._judged = average, known = averaged(self._judged, logit, windows.threshold, elapsed, rejection)
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
@@ -299,7 +287,7 @@ class Decision:
         while its course is near (`recognition.seen` with a score below 0.5). It ends when it has not been seen
         for as long as a motion lasts. Other classes start when they have led for long enough.
         """
-        before = () if recognition.ended_at is None else self.ends(recognition)
+        before = self.ends(recognition)
         elapsed = recognition.time - self._event_at
         self._event_at = recognition.time
         if not 0 <= elapsed <= _MAX_HOP:

@@ -21,14 +21,13 @@ checked once a hop; lengths and positions are collected once a hop and judged th
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.distances import pair_distances
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.windows.segments import Segments, in_disorder
+from kinespace.library.windows.segments import Segments, in_disorder, shares_of_size
 
 # --- which joints can be believed -------------------------------------------------------------------------------------
 
@@ -72,13 +71,6 @@ _MIN_LOOKS = 6
 _MAX_LOOKS = 16
 
 
-class Step(NamedTuple):
-    """Each joint's step from one frame to the next, shape (joints, 3), metres, and the seconds between them."""
-
-    step: NDArray[np.float64]
-    elapsed: float
-
-
 class Plausibility:
     """Watches one performer's frames.
 
@@ -99,7 +91,6 @@ class Plausibility:
 
     def __init__(self, body: Segments, joints: int) -> None:
         self._body = body
-        self._joints = joints
         self._jumping = min(_JUMPING_JOINTS, max(2, -(-joints // 6)))
         # If so many joints step by 1 m from the median, the squares of all steps about their mean add up to this at
         # least: the median is at most one standard deviation from the mean.
@@ -107,8 +98,6 @@ class Plausibility:
         #: The frames looked at in the span before, and in this span.
         self._looks = np.empty((2 * _MAX_LOOKS, joints, 3))
         self._ends = np.ascontiguousarray(body.ends.T)
-        #: The lengths between these ends in the frames that were judged last.
-        self._lengths = np.empty((0, len(body.ends)))
         self._every_joint = frozenset(range(joints))
         self.clear()
 
@@ -130,28 +119,28 @@ class Plausibility:
 
     def _measure_size(self, lengths: NDArray[np.float64]) -> None:
         measured = lengths > 0
-        self._all_known = bool(measured.all())
-        # Picking out takes longer than all the rest.
-        known = (self._body.mean, lengths) if self._all_known else (self._body.mean[measured], lengths[measured])
-        if len(known[0]):
-            self._scale = _middle(np.divide(*known))
+        if measured.any():
+            self._scale = _middle(self._body.mean[measured] / lengths[measured])
 
     def begin_again(self) -> None:
         """Forget the frames before a jump: a segment did not stretch between them and the frames after it."""
         self._before = self._count = 0
         self._since = math.inf
 
-    def jumped(self, before: Step, now: Step) -> bool:
-        """Say whether a body's step is a jump of the whole body, unlike the step before it."""
-        length = self._step_length(now.step) * self._scale
-        if length < max(JUMP_STEP, JUMP_SPEED * now.elapsed):
+    def jumped(self, steps: tuple[NDArray[np.float64], NDArray[np.float64]], elapsed: tuple[float, float]) -> bool:
+        """Say whether the second of two steps is a jump of the whole body, unlike the first.
+
+        Steps are from frame to frame, each (joints, 3), metres, with the seconds that each took.
+        """
+        before, now = steps
+        length = self._step_length(now) * self._scale
+        if length < max(JUMP_STEP, JUMP_SPEED * elapsed[1]):
             return False
-        usual = self._step_length(before.step) * self._scale
+        usual = self._step_length(before) * self._scale
         # A body that turns or leaps took as large a step before, in the same direction.
-        sudden = length > SUDDEN * usual * max(1.0, now.elapsed / before.elapsed)
-        return sudden or float(np.vdot(before.step, now.step)) < _BACK * np.sqrt(
-            float(np.vdot(before.step, before.step)) * float(np.vdot(now.step, now.step))
-        )
+        sudden = length > SUDDEN * usual * max(1.0, elapsed[1] / elapsed[0])
+        lengths = np.sqrt(float(np.vdot(before, before)) * float(np.vdot(now, now)))
+        return sudden or float(np.vdot(before, now)) < _BACK * lengths
 
     def may_jump(self, squares: float, elapsed: float) -> bool:
         """Say quickly, by `steps_of`, whether a jump or a lost joint may be among some steps."""
@@ -174,7 +163,7 @@ class Plausibility:
         if time - self._since < SPAN or self._count < _MIN_LOOKS or not len(self._body.children):
             return False
         before, both = self._before, self._before + self._count
-        self._lengths = lengths = pair_distances(self._looks[:both], self._ends)
+        lengths = pair_distances(self._looks[:both], self._ends)
         # NaN counts only where there is nothing else.
         least, greatest = np.fmin.reduce(lengths), np.fmax.reduce(lengths)
         near, far = np.fmin.reduce(self._looks[:both]), np.fmax.reduce(self._looks[:both])
@@ -189,40 +178,28 @@ class Plausibility:
         self._measure_size(mean[:count])
         stretch *= self._scale
         crossed, stretch = stretch[count:], stretch[:count]
-        known = stretch if self._all_known else stretch[np.isfinite(stretch)]
+        known = stretch[np.isfinite(stretch)]
         self.tremble = tremble = max(_middle(known) if len(known) else 0.0, _KEPT * self.tremble)
-        self._disordered = self._disordered + 1 if self._in_disorder() else 0
+        newest = self._looks[self._before + self._count - 1]
+        in_disorder = shares_of_size(newest[None], body.segments).item() >= body.disorder
+        self._disordered = self._disordered + 1 if in_disorder else 0
         if self._disordered >= _IN_DISORDER:
             self.doubted = self._every_joint
             return
         self.rigid = rigid = tremble < TREMBLES
+        kept = moved < SAME_PLACE / self._scale
+        changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
+        frozen = self._frozen(kept, changed) if kept.any() else set[int]()
         excess = stretch - body.spread
-        blamed = frozen = set[int]()
-        # Nearly always neither is so, which one number says; NaN asks for a closer look.
-        if not float(moved.min()) >= SAME_PLACE / self._scale:
-            kept = moved < SAME_PLACE / self._scale
-            changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
-            blamed = frozen = self._frozen(kept, changed) if kept.any() else frozen
-        most = RIGID + PER_TREMBLE * tremble
-        if not float(excess.max()) <= min(most, MAX_STRETCH):
-            broken = excess > MAX_STRETCH
-            # Both sides show an exchange: while one leg stands still, the other one's marker may slip on the skin.
-            exchanged = crossed < STEADIER * stretch[body.crossing]
-            exchanged &= excess[body.crossing] > most
-            broken[body.crossing] |= exchanged & exchanged[body.partner]
-            blamed = frozen | _blamed(broken, body, frozen) if broken.any() else frozen
+        broken = excess > MAX_STRETCH
+        # Both sides show an exchange: while one leg stands still, the other one's marker may slip on the skin.
+        exchanged = crossed < STEADIER * stretch[body.crossing]
+        exchanged &= excess[body.crossing] > RIGID + PER_TREMBLE * tremble
+        broken[body.crossing] |= exchanged & exchanged[body.partner]
+        blamed = frozen | _blamed(broken, body, frozen)
         self._in_a_row = {joint: self._in_a_row.get(joint, 0) + 1 for joint in blamed}
         lasting = 1 if rigid else _LASTING
         self.doubted = frozenset(joint for joint, times in self._in_a_row.items() if times >= lasting)
-
-    def _in_disorder(self) -> bool:
-        """Say whether the joints of the newest frame look as if they were in another order; not of lost ones."""
-        # As `shares_of_size`, by lengths that are measured already.
-        place, segments = self._before + self._count - 1, len(self._body.children)
-        own = self._looks[place] - np.add.reduce(self._looks[place]) / self._joints
-        squares = float(np.vdot(own, own)) * 2 / (self._joints - 1)
-        length = float(np.add.reduce(self._lengths[-1, :segments])) / segments
-        return 0 < squares * self._body.disorder**2 <= length * length
 
     def _frozen(self, kept: NDArray[np.bool_], changed: NDArray[np.bool_]) -> set[int]:
         """Give the joints that keep their position though a segment between them and the moving body changes."""
@@ -461,12 +438,12 @@ class Joints:
     ) -> int | None:
         """Go from frame to frame, because one of them may be wrong; find lost joints, and correct their steps."""
         begun, before, last = None, self._last, self._last_time
-        step = Step(self._step.copy(), self._elapsed)
+        step, elapsed = self._step.copy(), self._elapsed
         for index, time in enumerate(times):
             frame = self._found(time, positions[index], before)
-            step, previous = Step(frame - before, max(time - last, usual)), step
-            last = time
-            if self._plausibility.jumped(previous, step):
+            (past, step), (passed, elapsed) = (step, frame - before), (elapsed, max(time - last, usual))
+            last, steps[index] = time, step
+            if self._plausibility.jumped((past, step), (passed, elapsed)):
                 if self._plausibility.rigid and time - self._last_jump >= _IN_WINDOWS:
                     begun = index
                     self._jumped = self._moved = 0.0
@@ -474,11 +451,10 @@ class Joints:
                     # Another body, or the same in another unit.
                     self._plausibility.begin(frame)
                 else:
-                    self._jumped += _way(step.step)
+                    self._jumped += _way(step)
                 self._last_jump = time
             else:
-                self._moved += _way(step.step)
-            steps[index] = step.step
+                self._moved += _way(step)
             before = positions[index]
         return begun
 

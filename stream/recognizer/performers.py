@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Skeleton, WindowIndex
+from kinespace.library import Skeleton, WindowIndex, by_joints
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
 from kinespace.library.windows.segments import FLAT
@@ -172,7 +172,7 @@ class Performers:
         most: int = 32,
         silence: float = 5.0,
         joints: SentJoints | None = None,
-        views: Views = WindowIndex.by_joints,
+        views: Views = by_joints,
         classes: Sequence[str] = (),
     ) -> None:
         if not 1 <= most <= MAX_PERFORMERS:

@@ -15,7 +15,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import NOTHING, MotionLibrary, WindowIndex, distance_rows
+from kinespace.library import NOTHING, MotionLibrary, WindowIndex, by_joints, distance_rows
 from kinespace.library.signature.body import Body
 from kinespace.library.windows.rejection import RATES
 from kinespace.stream.frame import Frame
@@ -124,7 +124,7 @@ class Recognizer:
         self,
         library: MotionLibrary | WindowIndex,
         settings: Settings | None = None,
-        views: Views = WindowIndex.by_joints,
+        views: Views = by_joints,
         classes: Sequence[str] = (),
     ) -> None:
         self.settings = Settings() if settings is None else settings

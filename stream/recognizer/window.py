@@ -20,7 +20,6 @@ from kinespace.library.signature.parts import (
     FORMULAS,
     LEVEL_REMOVED,
     NOISE_FLOOR,
-    Eigenpairs,
     Kind,
     Moments,
     Part,
@@ -45,6 +44,8 @@ _NO_MOVEMENT = 1e-6
 #: Eigenpairs that are followed from hop to hop.
 NEAR = 8
 _EPSILON = float(np.finfo(np.float64).eps)
+#: Where the parts stand that are read off distances together.
+_PLACES = {Kind.SPREAD: 0, Kind.POSTURE: 1, Kind.TREND: 2}
 
 
 class Window:
@@ -59,8 +60,6 @@ class Window:
         The seconds of the spans whose `moments` and whose `covariance` are asked for.
     directions
         A row times these is a point in the basis, shape (pairs, directions).
-    fastest
-        Frames per second up to which a span keeps its length.
 
     Raises
     ------
@@ -80,25 +79,24 @@ class Window:
         of_distances: Collection[float],
         in_basis: Collection[float],
         directions: Numbers,
-        fastest: float = MAX_FEED_RATE,
     ) -> None:
         self.of_distances, self.in_basis, self._directions = tuple(of_distances), tuple(in_basis), directions
         self.seconds = max(*of_distances, *in_basis)
         pairs, width = directions.shape
         self._times, self._rows, self._points = np.empty(_ROOM), np.empty((_ROOM, pairs)), np.empty((_ROOM, width))
-        self._longest = _Span(self.seconds, fastest)
+        self._most = _most(self.seconds)
         # A window that memory can never hold is refused at once: the system commits only pages that are used.
-        np.empty((self._longest.most, pairs))
-        self._moments = {each: _Sums(each, fastest, (pairs,)) for each in of_distances}
-        self._products = {each: _Sums(each, fastest, (width, width)) for each in in_basis}
-        self._spans = (self._longest, *self._moments.values(), *self._products.values())
+        np.empty((self._most, pairs))
+        self._moments = {each: _Sums(each, (pairs,)) for each in of_distances}
+        self._products = {each: _Sums(each, (width, width)) for each in in_basis}
+        self._sums = (*self._moments.values(), *self._products.values())
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows."""
-        self._end = 0
+        self._begin = self._end = 0
         self._near = {each: np.zeros((NEAR, self._directions.shape[1])) for each in self.in_basis}
-        for each in self._spans:
+        for each in self._sums:
             each.begin = each.end = 0
 
     def push(self, times: Sequence[float], rows: Numbers) -> None:
@@ -108,29 +106,29 @@ class Window:
             begin = self._move_back(len(times))
         some = slice(begin, self._end)
         self._times[some], self._rows[some], self._points[some] = times, rows, rows @ self._directions
-        self._longest.reach(self._times, self._end)
+        self._begin = _begun(self._times, self._begin, self._end, self.seconds, self._most)
 
     def _move_back(self, new: int) -> int:
         """Move the rows to the front, of more room where they fill half of it; give where the new rows begin."""
-        first, count = self._longest.begin, self._end - new - self._longest.begin
+        first, count = self._begin, self._end - new - self._begin
         room = max(len(self._times), 2 * (count + new))
         self._times, self._rows, self._points = (
             _moved_back(each, first, count, room) for each in (self._times, self._rows, self._points)
         )
-        self._end = count + new
-        for span in self._spans:
+        self._begin, self._end = 0, count + new
+        for sums in self._sums:
             # Sums whose rows are gone begin again.
-            span.begin, span.end = (span.begin - first, span.end - first) if span.begin >= first else (0, 0)
+            sums.begin, sums.end = (sums.begin - first, sums.end - first) if sums.begin >= first else (0, 0)
         return count
 
     @property
     def times(self) -> Numbers:
         """The times of the rows of the longest span, shape (rows,), seconds; a view, valid until the next push."""
-        return self._times[self._longest.begin : self._end]
+        return self._times[self._begin : self._end]
 
     def recent(self) -> tuple[Numbers, Numbers]:
         """Give the rows of the longest span, (rows, pairs), and their points, (rows, directions); as `times`."""
-        some = slice(self._longest.begin, self._end)
+        some = slice(self._begin, self._end)
         return self._rows[some], self._points[some]
 
     def moments(self, seconds: float) -> Moments:
@@ -146,8 +144,8 @@ class Window:
         """Give the number of rows over a span whose `covariance` can be asked for."""
         return self._products[seconds].end - self._products[seconds].begin
 
-    def read_distances(self, seconds: float, body: Body) -> tuple[Numbers, Numbers, Numbers, float]:
-        """Give spread, posture and trend over a span, and the movement."""
+    def read_distances(self, seconds: float, body: Body) -> tuple[Numbers, float]:
+        """Give spread, posture and trend over a span, shape (3, pairs), and the movement."""
         sums = self._followed(self._moments[seconds]).sums
         return read_distances(*sums, body.sizing, body.segments, body.between, NOISE_FLOOR, LEVEL_REMOVED)
 
@@ -169,22 +167,20 @@ def _moved_back(kept: Numbers, first: int, count: int, room: int) -> Numbers:
     return moved
 
 
-class _Span:
-    """The rows of some last seconds: from `begin` to before `end`."""
-
-    def __init__(self, seconds: float, fastest: float) -> None:
-        self._seconds, self.most = seconds - TIE, max(2, math.ceil(seconds * fastest))
-        self.begin = self.end = 0
-
-    def reach(self, times: Numbers, end: int) -> None:
-        """Reach up to another row."""
-        # Times in other units may be so large that even the newest time is not above this.
-        left = int(times[self.begin : end - 1].searchsorted(times.item(end - 1) - self._seconds, side="right"))
-        self.begin, self.end = max(self.begin + left, end - self.most), end
+def _most(seconds: float) -> int:
+    """Give how many rows a span has at most."""
+    return max(2, math.ceil(seconds * MAX_FEED_RATE))
 
 
-class _Sums(_Span):
-    """The sums over a span.
+def _begun(times: Numbers, begin: int, end: int, seconds: float, most: int) -> int:
+    """Give where a span of so many seconds, and rows at most, begins that reaches up to before `end`."""
+    # Times in other units may be so large that even the newest time is not above this.
+    left = int(times[begin : end - 1].searchsorted(times.item(end - 1) - (seconds - TIE), side="right"))
+    return max(begin + left, end - most)
+
+
+class _Sums:
+    """The sums over a span: the rows of some last seconds, from `begin` to before `end`.
 
     Attributes
     ----------
@@ -202,8 +198,9 @@ class _Sums(_Span):
         Variance that counts as none.
     """
 
-    def __init__(self, seconds: float, fastest: float, shape: tuple[int, ...]) -> None:
-        super().__init__(seconds, fastest)
+    def __init__(self, seconds: float, shape: tuple[int, ...]) -> None:
+        self._seconds, self._most = seconds, _most(seconds)
+        self.begin = self.end = 0
         self.reference, self.clock = np.zeros(shape[-1]), np.zeros(4)
         self.first, self.second = np.zeros((2, shape[-1])), np.zeros(shape)
         self.sums = self.reference, self.clock, self.first, self.second
@@ -212,7 +209,7 @@ class _Sums(_Span):
     def follow(self, times: Numbers, rows: Numbers, end: int) -> None:
         """Follow the rows up to before one of them."""
         begun, ended = self.begin, self.end
-        self.reach(times, end)
+        self.begin, self.end = _begun(times, begun, end, self._seconds, self._most), end
         if ended > self.begin:
             if ended == end:
                 return
@@ -304,11 +301,10 @@ def read_distances(  # noqa: PLR0913, PLR0917 - sums, a body and constants
     between: Numbers,
     floor: float,  # noqa: ARG001 - `parts` knows it
     level: float,  # noqa: ARG001
-) -> tuple[Numbers, Numbers, Numbers, float]:
-    """Give spread, posture and trend of distances whose sums are `_Sums`, and their movement."""
+) -> tuple[Numbers, float]:
+    """Give spread, posture and trend of distances whose sums are `_Sums`, shape (3, pairs), and their movement."""
     moments, body = moments_of(reference, clock, first, second), Body(sizing, segments, between)
-    spread, posture, trend = (FORMULAS[each](moments, body)[0] for each in (Kind.SPREAD, Kind.POSTURE, Kind.TREND))
-    return spread, posture, trend, float(movement(moments)[0])
+    return np.concatenate([FORMULAS[kind](moments, body) for kind in _PLACES]), float(movement(moments)[0])
 
 
 @compiled
@@ -328,8 +324,8 @@ def read_points(  # noqa: PLR0913, PLR0917 - sums, and the last eigenvectors
     covariance = covariance_of(clock, first, second, floor)
     values, columns = leading_eigenvectors(covariance, NEAR)
     vectors = np.ascontiguousarray(columns.T)
-    few = Eigenpairs(values[None, :eigenvectors], vectors[None, :eigenvectors])
-    return values, vectors, eigen(few)[0], float(covariance.trace())
+    scaled = eigen(values[None, :eigenvectors], vectors[None, :eigenvectors])[0]
+    return values, vectors, scaled, float(covariance.trace())
 
 
 def signature(window: Window, parts: Iterable[Part], body: Body, eigenvectors: int) -> Signature:
@@ -341,9 +337,10 @@ def signature(window: Window, parts: Iterable[Part], body: Body, eigenvectors: i
         if part.kind is Kind.EIGEN:
             return points[part.seconds][2]
         if part.kind in _PLACES:
-            return distances[part.seconds][:3][_PLACES[part.kind]]
-        # A kind that is not read together with the others.
-        numbers: Numbers = FORMULAS[part.kind](window.moments(part.seconds), body)[0]
+            numbers: Numbers = distances[part.seconds][0][_PLACES[part.kind]]
+        else:
+            # A kind that is not read together with the others.
+            numbers = FORMULAS[part.kind](window.moments(part.seconds), body)[0]
         return numbers
 
     values, vectors, _, trace = points[window.in_basis[-1]]
@@ -352,10 +349,7 @@ def signature(window: Window, parts: Iterable[Part], body: Body, eigenvectors: i
     return Signature(
         parts={part: numbers_of(part) for part in parts},
         leading=vectors[0],
-        movement=distances[window.of_distances[-1]][3],
+        movement=distances[window.of_distances[-1]][1],
         share=min(first / trace, 1.0) if moves else 0.0,
         gap=(first - max(second, 0.0)) / first if moves else 0.0,
     )
-
-
-_PLACES = {Kind.SPREAD: 0, Kind.POSTURE: 1, Kind.TREND: 2}

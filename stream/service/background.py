@@ -10,7 +10,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 
-from kinespace.library.windows.index import MAX_VIEWS, WindowIndex
+from kinespace.library.windows.index import WindowIndex
+from kinespace.library.windows.opening import MAX_VIEWS, by_joints, has_view
 from kinespace.stream.packet import remember
 from kinespace.stream.recognizer.fitting import kinds_of
 
@@ -128,7 +129,7 @@ _SWITCH_INTERVAL = 0.0005
 
 
 class BackgroundViews:
-    """Opens one view at a time; called as `WindowIndex.by_joints` is. Threads take turns quickly from now on."""
+    """Opens one view at a time; called as `by_joints` is. Threads take turns quickly from now on."""
 
     def __init__(self) -> None:
         sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
@@ -146,8 +147,8 @@ class BackgroundViews:
         """
         if reason := self._refused.get((index, joints)):
             raise ValueError(reason)
-        if index.has_view(joints):
-            return index.by_joints(joints)
+        if has_view(index, joints):
+            return by_joints(index, joints)
         if self._thread is None or not self._thread.is_alive():
             # A daemon, so that Ctrl-C need not wait for the thread.
             asked = index, joints
@@ -158,6 +159,6 @@ class BackgroundViews:
     def _open(self, index: WindowIndex, joints: tuple[str, ...]) -> None:
         try:
             # Else the recogniser looks for the kinds, which takes some thousandths of a second, while a feed runs.
-            kinds_of(index.by_joints(joints).library)
+            kinds_of(by_joints(index, joints).library)
         except (ValueError, MemoryError) as error:
             remember(self._refused, (index, joints), str(error) or type(error).__name__, MAX_VIEWS)

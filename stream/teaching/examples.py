@@ -204,11 +204,10 @@ class TaughtWindows:
         places = [place for place, motion in enumerate(self._everything.library.motions) if id(motion) in wanted]
         if not np.isin(self._everything.motions, places).any():
             return None
+        index = self._everything.of_some(places)
         # What is unknown was learned from the base's strangers; without its motions it is learned from the examples.
-        index = self._everything.of_some(places, learns=not self._with_base)
-        if not self._with_base:
-            index = replace(index, judged_by=self._learned(index, len(enabled)))
-        index.__dict__["courses"] = self._courses(index)
+        index.rejection = self._base.rejection if self._with_base else self._learned(index, len(enabled))
+        index.courses = self._courses(index)
         return index.prepared()
 
     def _courses(self, index: WindowIndex) -> Courses:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import Clip, LibraryFileError, MotionLibrary, Skeleton, SkeletonMismatchError, library_file
-from kinespace.library.library_file import Learned
 from kinespace.library.naming import Naming, hdm05
 
 SAID = ("name", "class_name", "actor", "take", "source", "licence", "attribution", "frame_rate")
@@ -117,14 +116,13 @@ def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: 
         )
         for seed, name in enumerate((*STICK_CLASSES, "wave"))
     ]
-    learned = Learned({"weights": np.arange(6, dtype=np.float32).reshape(2, 3), "one": np.array(0.5, np.float32)})
-    library = MotionLibrary.of_clips(clips, learned=learned)
+    learned = {"weights": np.arange(6, dtype=np.float32).reshape(2, 3), "one": np.array(0.5, np.float32)}
+    library = dataclasses.replace(MotionLibrary.of_clips(clips), learned=learned)
     library.save(tmp_path / "library.npz")
     loaded = MotionLibrary.load(tmp_path / "library.npz")
     _assert_equal(loaded, library)
-    arrays, expected = loaded.learned.named, learned.named
-    assert list(arrays) == list(expected)
-    assert all(np.array_equal(arrays[name], expected[name]) for name in expected)
+    assert list(loaded.learned) == list(learned)
+    assert all(np.array_equal(loaded.learned[name], learned[name]) for name in learned)
     assert not loaded.motions[0].positions.flags.writeable
 
 
@@ -204,7 +202,8 @@ LITTLE = 40_000_000
 def small_library() -> MotionLibrary:
     """Give a library with a licence and learned arrays."""
     clips = [dataclasses.replace(clip, licence="CC0", attribution="nobody, somewhere") for clip in stick_clips()]
-    return MotionLibrary.of_clips(clips, learned=Learned({"weights": np.arange(12, dtype=np.float32).reshape(3, 4)}))
+    learned = {"weights": np.arange(12, dtype=np.float32).reshape(3, 4)}
+    return dataclasses.replace(MotionLibrary.of_clips(clips), learned=learned)
 
 
 @pytest.fixture(scope="module")

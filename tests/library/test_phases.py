@@ -76,14 +76,13 @@ def test_moments_by_definition(index: WindowIndex) -> None:
     table, half = index.phases, index.basis.directions.shape[1]
     assert set(table.classes) == {"away", "bow", "jump"}
     assert table.whitening.shape == (2 * half, min(24, 2 * half))
-    for name, moments in table.classes.items():
-        clips, recorded = table.recorded[name]
-        own = [_moving(index, motion.positions, motion.frame_rate) for motion in clips]
+    for moments in table.classes.values():
+        own = [_moving(index, motion.positions, motion.frame_rate) for motion in moments.clips]
         lengths, count = [len(each) for each in own], moments.speeds.shape[1]
         assert count == round(np.mean(lengths))
         assert moments.seconds == pytest.approx((np.mean(lengths) - 1) / RATE)
         speeds, swings = [], []
-        for moving, phases, vectors in zip(own, recorded.phases, moments.vectors, strict=True):
+        for moving, phases, vectors in zip(own, moments.phases, moments.vectors, strict=True):
             assert (phases[0], phases[-1]) == (pytest.approx(0.0, abs=0.2), pytest.approx(1.0, abs=0.2))
             assert (np.diff(phases) >= 0).all()
             past = [moving[max(0, k - SWING) : k + 1, :half] for k in range(len(moving))]

@@ -24,7 +24,7 @@ from kinespace.stream.recognition import Answer
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
 from kinespace.tools.feeding.service import Listener, answer_in
 
-#: A line on what is odd about a body or a file that could be read (`library.windows.segments.remarks`, `Clip.notes`).
+#: A line on what is odd about a body or a file that could be read (`library.recordings.remarks`, `Clip.notes`).
 REMARK = re.compile(
     r"^[^:]*: (names not known|joints|flat|size|frame rate|"
     r"frames|times|units|left out|not seen|twice|parts|no positions|positions): "

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kinespace.library import Clip
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.timed_frames import evened
-from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
+from kinespace.library.signature.landmark_body import JOINTS, body_of
 from kinespace.stream.feeds import builtin_preset
 
 if TYPE_CHECKING:
@@ -289,10 +289,10 @@ def require_extra() -> None:
         raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): pip install 'kinespace[camera]'") from error
 
 
-def landmark_body() -> LandmarkBody:
-    """Give a maker of bodies of BlazePose's 33 landmarks, by the same names as the preset `mediapipe`."""
+def landmark_names() -> list[str]:
+    """Give the names of BlazePose's 33 landmarks, as the preset `mediapipe` has them."""
     preset = builtin_preset("mediapipe")
-    return LandmarkBody([preset.joint_map[name] for name in preset.order])
+    return [preset.joint_map[name] for name in preset.order]
 
 
 def upright(landmarks: Landmarks, picture: NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -327,13 +327,13 @@ def film_clip(path: Path) -> Clip:
     require_extra()
     from kinespace.tools.camera import film, models, networks  # noqa: PLC0415 - need an extra
 
-    bodies, joints = Bodies(networks.Networks(models.models_at(None, "full")), 1, "camera"), landmark_body()
+    bodies, joints = Bodies(networks.Networks(models.models_at(None, "full")), 1, "camera"), landmark_names()
     times, positions = [], []
     with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
         for picture in pictures:
             for each in bodies.seen(picture.pixels, picture.time):
                 times.append(picture.time)
-                positions.append(joints.of(upright(each.landmarks, picture.pixels)))
+                positions.append(body_of(joints, upright(each.landmarks, picture.pixels)))
     if len(times) < 2:
         raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
     even = evened(np.array(times), np.array(positions), begin=film.FIRST)

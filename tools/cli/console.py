@@ -22,7 +22,7 @@ from kinespace.library import Clip
 from kinespace.library.library_file import locked
 from kinespace.library.naming import summary
 from kinespace.library.recordings.formats.labels import labels_beside
-from kinespace.library.windows.segments import remarks
+from kinespace.library.recordings.remarks import remarks
 from kinespace.tools.cli.values import printable
 
 _Item = TypeVar("_Item")

@@ -6,6 +6,7 @@ module of the program that is asked for is imported.
 """
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -98,10 +99,13 @@ def _one_line(error: Exception) -> str:
 
 
 def _size(text: str) -> int:
-    """Read a size in bytes, like 500MB or 4GB."""
-    from kinespace.library import memory  # noqa: PLC0415 - as above
-
-    return memory.size_of(text)
+    """Read a number of bytes as a person types it: a positive number, perhaps followed by kB, MB or GB."""
+    units = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
+    unit = text[-2:].lower()
+    size = float(text[:-2] if unit in units else text) * units.get(unit, 1.0)
+    if not 1 <= size < math.inf:
+        raise ValueError(f"size: expected a positive number, got {text}")
+    return round(size)
 
 
 class _Parser(argparse.ArgumentParser):

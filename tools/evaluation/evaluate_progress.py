@@ -95,9 +95,8 @@ def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object
 
 def _true_phases(library: MotionLibrary) -> dict[int, NDArray[np.float64]]:
     """Give the phases of every motion's moments, by the motion's identity."""
-    table = opened(library).phases
-    recorded = table.recorded.values()
-    return {id(clip): phases for clips, each in recorded for clip, phases in zip(clips, each.phases, strict=True)}
+    classes = opened(library).phases.classes.values()
+    return {id(clip): phases for each in classes for clip, phases in zip(each.clips, each.phases, strict=True)}
 
 
 def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, warped: bool) -> _Played:

@@ -158,7 +158,7 @@ def taught_by(own: Sequence[Clip]) -> WindowIndex:
     strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
     teacher = teacher_of(library)
     if teacher is not library:
-        teacher = replace(strangers, learned=None).restricted_to(library.skeleton.joints)
+        teacher = replace(strangers, learned={}).restricted_to(library.skeleton.joints)
         ordered = tuple(each.as_of(teacher.skeleton) for each in library.motions)
         library = replace(library, skeleton=teacher.skeleton, motions=ordered)
     return WindowIndex.of(library, teacher)

@@ -22,6 +22,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
+from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.windows.segments import mirrored
 from kinespace.stream import Frame, Recognition, Recognizer, Settings
@@ -183,7 +184,7 @@ def _labelled(sources: Sources) -> Iterator[_Entry]:
 def _listed(table: Path) -> Iterator[_Entry]:
     """Read the takes that a table lists, without takes that may contain a class: nothing is known of them."""
     try:
-        rows = csv.DictReader(memory.lines(table, memory.MAX_WITHOUT_MOTION))
+        rows = csv.DictReader(lines_of(table, memory.MAX_WITHOUT_MOTION))
         missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
         if missing:
             raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")

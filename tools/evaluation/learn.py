@@ -22,14 +22,13 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
-from kinespace.library.library_file import Learned
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
-from kinespace.stream.recognizer.decision import Judgement
+from kinespace.stream.recognizer.decision import NOT_JUDGED, averaged
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for
 from kinespace.tools.evaluation import harness
@@ -157,10 +156,10 @@ def run(options: argparse.Namespace) -> None:
     thresholds = [_threshold([], named, rate) for rate in RATES]
     joints = len(library.skeleton.joints)
     rejection = replace(_raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=joints)
-    learned = dict(rejection.kept().named)
+    learned = dict(rejection.kept())
     if fewer := [take for take in takes if take not in whole]:
-        learned |= learned_of_few(library, whole, fewer).kept(few=True).named
-    keeping_lessons(replace(library, learned=Learned(learned))).save(options.output)
+        learned |= learned_of_few(library, whole, fewer).kept(few=True)
+    keeping_lessons(replace(library, learned=learned)).save(options.output)
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
     if options.json:
         print_json(rows)
@@ -294,8 +293,14 @@ def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
 
 
 def _index(library: MotionLibrary) -> WindowIndex:
-    """Open a library for asking; its rejection is not used yet."""
-    return replace(WindowIndex.of(library, weighing=ACROSS_LABORATORIES), judged_by=_NOTHING_LEARNED)
+    """Open a library for asking."""
+    return _asked(WindowIndex.of(library, weighing=ACROSS_LABORATORIES))
+
+
+def _asked(index: WindowIndex) -> WindowIndex:
+    """Let an index name all that is asked: its rejection is not used yet."""
+    index.rejection = _NOTHING_LEARNED
+    return index
 
 
 def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
@@ -311,17 +316,18 @@ def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
         groups = [[place] for group in groups for place in group]
     for group in progress(groups, "Motions", len(groups)):
         actors = {library.motions[place].actor for place in group}
-        index = whole.without(group) if single else _index(library.without(actors=actors))
+        remaining = [place for place in range(len(library.motions)) if place not in group]
+        index = _asked(whole.of_some(remaining)) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]
         for name in {each.class_name for _, each in own} - {NOTHING}:
-            same = [place for place in set(index.motions.tolist()) if index.library.motions[place].class_name == name]
-            left = index.without(same)
+            apart = [place for place, each in enumerate(index.library.motions) if each.class_name != name]
+            left = _asked(index.of_some(apart)) if apart else None
             asking = [place for place, each in own if each.class_name == name]
             others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
             for place, noise in product(asking, _NOISES):
                 clip = library.motions[place]
                 windows, following = _windows(index, clip, noise, place), Evidenced()
-                left_out = _windows(left, clip, noise, place) if len(left) else []
+                left_out = _windows(left, clip, noise, place) if left else []
                 if before := [each for each in others if each.frame_rate == clip.frame_rate]:
                     behind = joined(before[place % len(before)], clip)
                     following = _windows(index, behind, noise, place, behind.duration - clip.duration)
@@ -403,12 +409,11 @@ def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Reje
 
 def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     """Give the highest averaged evidence of a motion while its class is the guess."""
-    judgement = Judgement()
-    highest = -_FAR
+    before, highest = NOT_JUDGED, -_FAR
     for window in windows:
-        judgement.push(rejection.logit(*window), math.inf, _HOP, rejection)
+        before = averaged(before, rejection.logit(*window), math.inf, _HOP, rejection)
         if window[1] == name:
-            highest = max(highest, judgement.average)
+            highest = max(highest, before[0])
     return highest
 
 
@@ -478,12 +483,14 @@ def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> d
     """Count the results of a threshold on the takes: shares of unknown time and of takes, and starts a minute."""
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:
-        judgement = Judgement()
-        known = [judgement.push(rejection.logit(*window), threshold, _HOP, rejection) for window in course.windows]
+        before, known = NOT_JUDGED, list[bool]()
+        for window in course.windows:
+            before = averaged(before, rejection.logit(*window), threshold, _HOP, rejection)
+            known.append(before[1])
         if course.is_unknown:
             named += _HOP * sum(known)
             seconds += course.take.clip.duration
-            starts += sum(now and not before for before, now in zip([False, *known], known, strict=False))
+            starts += sum(now and not last for last, now in zip([False, *known], known, strict=False))
         elif course.take.contains:
             containing += 1
             right = (guess in course.take.contains for _, guess in course.windows)

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.signature.landmark_body import JOINTS
+from kinespace.library.signature.landmark_body import JOINTS, body_of
 from kinespace.stream import Frame
 from kinespace.stream.service.background import Child
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.camera.bodies import Bodies, landmark_body, require_extra, upright
+from kinespace.tools.camera.bodies import Bodies, landmark_names, require_extra, upright
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.console import say
@@ -126,13 +126,13 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
 
 
 def _watched(film: "Film", bodies: Bodies, out: FrameStream) -> Watched:
-    counts, begun, joints = Watched(), time.perf_counter(), landmark_body()
+    counts, begun, joints = Watched(), time.perf_counter(), landmark_names()
     for picture in film:
         seen = bodies.seen(picture.pixels, picture.time)
         counts.pictures += 1
         counts.found += bool(seen)
         for name, landmarks in seen:
-            positions = joints.of(upright(landmarks, picture.pixels))
+            positions = body_of(joints, upright(landmarks, picture.pixels))
             # Of others too little is seen.
             if np.isfinite(positions).all(axis=1).sum() >= MIN_JOINTS:
                 out.send(Frame(name, picture.time, positions.astype(np.float32)))

@@ -459,7 +459,7 @@ def _base(
     if left_out:
         say(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
     # One motion is no teacher of its own: as in a library's file, the built-in persons' metrics compare, by all axes.
-    one = replace(builtin, motions=builtin.motions[:1], learned=None).restricted_to(joints)
+    one = replace(builtin, motions=builtin.motions[:1], learned={}).restricted_to(joints)
     return WindowIndex.of(one, builtin.without(actors=without).restricted_to(joints)) if without else opened(one)
 
 

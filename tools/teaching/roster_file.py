@@ -132,7 +132,7 @@ class RosterFile:
         try:
             motions = MotionLibrary.of_clips([_completed(each.motion, self._written) for each in new]).motions
             added = tuple(each.restricted_to(skeleton.joints).as_of(skeleton) for each in motions)
-            library_file.write(self._new_path, library_file.Contents(skeleton, added, None), compressed=False)
+            library_file.write(self._new_path, (skeleton, added, {}), compressed=False)
         except (OSError, ValueError):
             # The other thread is to try at once, and says why it fails.
             self._since = -math.inf
@@ -218,8 +218,7 @@ class RosterFile:
         if {id(each) for each in motions} == {id(each) for each in before.motions}:
             return before
         library = MotionLibrary.of_clips(motions)
-        learned = before.learned and before.learned.for_other_motions()
-        return MotionLibrary(library.skeleton, library.motions, learned)
+        return replace(library, learned=library_file.for_other_motions(before.learned))
 
     def _say(self, step: Step, reason: str) -> None:
         self._said.put(State("", step, 0.0, reason))

@@ -23,6 +23,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.joint_choice import few
 from kinespace.library.recordings.formats.rotations import BLOCK, turns
+from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 
@@ -75,7 +76,7 @@ class AcclaimSkeleton:
 def _lines(path: Path, most: int | None = None) -> Iterator[tuple[int, list[str]]]:
     """Give the number and the words of each line, comments and empty lines left out."""
     # Latin-1 decodes every byte: HDM05's comments hold umlauts in an unnamed encoding.
-    for number, text in enumerate(memory.lines(path, most, encoding="latin-1"), start=1):
+    for number, text in enumerate(lines_of(path, most, encoding="latin-1"), start=1):
         if words := text.partition("#")[0].split():
             yield number, words
 

@@ -27,6 +27,7 @@ from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, mended, number_of, numbers_in, refuse
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import BLOCK, turns
+from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
@@ -86,7 +87,7 @@ class BvhMotion:
 def _statements(path: Path) -> Iterator[Line]:
     """Give braces, and the texts between braces and line ends."""
     # Joint names come in any encoding; a name that is not UTF-8 must not stop the reader.
-    for number, text in enumerate(memory.lines(path, errors="replace"), start=1):
+    for number, text in enumerate(lines_of(path, errors="replace"), start=1):
         for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
             if (words := piece.split()) and not words[0].startswith(("#", "//")):
                 yield Line(path, number, words)

@@ -33,6 +33,7 @@ from kinespace.library.recordings.formats.errors import RecordingError, number_o
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
+from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
 from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
@@ -94,7 +95,7 @@ def why_no_table(path: Path) -> str:
         return arrays
     try:
         _begun(path, memory.MAX_MEMORY)
-        front = [*islice(memory.lines(path, memory.MAX_LINE, errors="replace"), _FRONT)]
+        front = [*islice(lines_of(path, MAX_LINE, errors="replace"), _FRONT)]
     except csv.Error as error:
         return f"a table with {error}"
     except _DAMAGE:
@@ -309,7 +310,7 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
     """Give the rows of a table of at most so many characters."""
 
     def whole() -> Iterator[str]:
-        for line in memory.lines(path, most, errors="replace"):
+        for line in lines_of(path, most, errors="replace"):
             # A row of any length, otherwise.
             if line.count('"') % 2:
                 raise csv.Error("a quotation mark that does not end on its line")
@@ -322,7 +323,7 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
 
 def _begun(path: Path, most: int | None = None) -> str | None:
     """Give the mark by which a text is a table of the most joints; None where it is none."""
-    front = "".join(islice(memory.lines(path, most, errors="replace"), _FRONT))
+    front = "".join(islice(lines_of(path, most, errors="replace"), _FRONT))
     found = (
         (table.header.rank, mark) for mark in _MARKS if mark in front for table in islice(_tables(path, mark, most), 1)
     )

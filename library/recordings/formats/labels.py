@@ -18,6 +18,7 @@ from xml.etree import ElementTree as ET
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
+from kinespace.library.recordings.formats.texts import lines_of
 
 _COLUMNS = ("start_s", "end_s", "label")
 #: Columns of a table in frames, which is refused with a hint: a table does not know the take's frame rate.
@@ -87,7 +88,7 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
         The file cannot be opened.
     """
     try:
-        lines = list(memory.lines(path, memory.MAX_WITHOUT_MOTION))
+        lines = list(lines_of(path, memory.MAX_WITHOUT_MOTION))
         segments = list(_READERS.get(path.suffix.lower(), _segments)(path, lines))
     except (AttributeError, IndexError, ET.ParseError, json.JSONDecodeError, *memory.DAMAGE) as error:
         raise LabelError(f"{path}: expected annotations of ELAN or events of BORIS ({error!r})") from error
@@ -154,7 +155,7 @@ def _holds_labels(path: Path) -> bool:
         return True
     first = ""
     with suppress(ValueError):
-        first = next((line.rstrip("\r\n") for line in memory.lines(path, errors="replace") if line.strip()), "")
+        first = next((line.rstrip("\r\n") for line in lines_of(path, errors="replace") if line.strip()), "")
     columns = {name.strip().strip('"') for name in re.split("[,;\t]", first)}
     exported = _EXPORTED.fullmatch(first)
     # A table of numbers holds no labels.

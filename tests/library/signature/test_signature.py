@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinespace.library import MotionLibrary, WindowIndex, signature_of, similarity
 from kinespace.library.signature.basis import MAX_DIRECTIONS, Basis
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, LandmarkBody
+from kinespace.library.signature.landmark_body import HEAD, JOINTS, LENGTH, LIMBS, TRUNK, WIDTHS, body_of
 from kinespace.stream.feeds import builtin_preset
 
 # --- basis ------------------------------------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ def test_a_body_as_the_slow_twin_walks_it(seed: int) -> None:
     landmarks = _landmarks(seed)
     expected = _twin(dict(zip(_SENT, landmarks.tolist(), strict=True)))
     for shown in (landmarks, landmarks * 320 + 7.0):
-        found = LandmarkBody(_SENT).of(shown)
+        found = body_of(_SENT, shown)
         np.testing.assert_allclose(found, [expected[name] for name in JOINTS], atol=1e-9)
 
 
@@ -130,9 +130,9 @@ def test_joints_that_are_not_seen_are_not_invented() -> None:
     """A lost knee takes what hangs on it; a lost hip takes the trunk and all that hangs on it."""
     landmarks = _landmarks(0)
     landmarks[_SENT.index("lfemur")] = math.nan
-    lost = np.isnan(LandmarkBody(_SENT).of(landmarks)).any(axis=1)
+    lost = np.isnan(body_of(_SENT, landmarks)).any(axis=1)
     assert [name for name, gone in zip(JOINTS, lost, strict=True) if gone] == ["lfemur", "ltibia", "ltoes"]
     landmarks = _landmarks(0)
     landmarks[_SENT.index("rhipjoint")] = math.nan
-    assert np.isnan(LandmarkBody(_SENT).of(landmarks)).all()
-    assert np.isnan(LandmarkBody(_SENT).of(np.zeros_like(landmarks))).any()
+    assert np.isnan(body_of(_SENT, landmarks)).all()
+    assert np.isnan(body_of(_SENT, np.zeros_like(landmarks))).any()

@@ -10,7 +10,8 @@ from twins import Twin
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
 from kinespace.library.signature.parts import Part, Signature
 from kinespace.library.windows.comparison import FIRST_WINDOW
-from kinespace.library.windows.cutting import CutWindows, window_ends
+from kinespace.library.windows.cutting import cut_windows, window_ends
+from kinespace.library.windows.opening import by_joints, has_view
 from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.arguments import joints_of
 
@@ -51,8 +52,8 @@ def asking(builtin: MotionLibrary) -> tuple[Clip, ...]:
 
 def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping[Part, np.ndarray]]:
     """Give the numbers of a motion's windows one by one."""
-    ends, weighing = window_ends(clip, every), index.comparison.weighing
-    cut = CutWindows([clip], [ends], index.body, index.basis, weighing.parts, weighing.eigenvectors).numbers
+    ends = window_ends(clip, every)
+    cut, _ = cut_windows([clip], [ends], index.body, index.basis, index.comparison.weighing)
     return [{part: numbers[place].copy() for part, numbers in cut.items()} for place in range(len(ends))]
 
 
@@ -156,9 +157,8 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
     _assert_same_windows(index, anew)
     one_by_one = first.with_motions(clips[:1]).with_motions(clips[1:])
     _assert_same_windows(one_by_one, index)
-    assert (one_by_one.origin.source, one_by_one.origin.added) == (first, tuple(clips))
+    assert one_by_one.base is first
     closer = first.with_motions(clips[:1]).with_motions(clips[1:], every=0.1)
-    assert closer.origin.source is not first
     assert len(closer) > len(index)
     for learned in ("comparison", "basis", "rejection"):
         assert getattr(index, learned) is getattr(first, learned)
@@ -170,10 +170,10 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
 def test_views_by_fewer_joints(people: MotionLibrary) -> None:
     """They are the windows of the library restricted to these joints, kept without their frames, and kept open."""
     index, joints = WindowIndex.of(people), STICK.joints[:5]
-    assert not index.has_view(joints)
-    view = index.by_joints(joints)
-    assert index.has_view(joints)
-    assert index.by_joints([*joints]) is view
+    assert not has_view(index, joints)
+    view = by_joints(index, joints)
+    assert has_view(index, joints)
+    assert by_joints(index, [*joints]) is view
     # By several threads sums differ in their last digit, and so may the sign of an axis.
     with threadpool_limits(1):
         _assert_same_windows(view, WindowIndex.of(people.restricted_to(joints)))
@@ -182,25 +182,25 @@ def test_views_by_fewer_joints(people: MotionLibrary) -> None:
     assert len(view.segments.parents) == len(joints)
     assert set(view.phases.classes) == {*STICK_CLASSES}
     other = STICK.joints[1:]
-    assert view.by_joints(other) is index.by_joints(other)
+    assert by_joints(view, other) is by_joints(index, other)
     clip = replace(stick_clip("jump", seed=40, frames=100), class_name="taught", actor="")
     added = index.with_motions([clip])
-    _assert_same_windows(added.by_joints(joints), view.with_motions([clip.restricted_to(joints)]))
-    assert added.by_joints(joints).basis is view.basis
+    _assert_same_windows(by_joints(added, joints), view.with_motions([clip.restricted_to(joints)]))
+    assert by_joints(added, joints).basis is view.basis
     some = index.of_some([1, 2, 20])
-    _assert_same_windows(some.by_joints(joints), view.of_some([1, 2, 20]))
+    _assert_same_windows(by_joints(some, joints), view.of_some([1, 2, 20]))
     with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
-        index.by_joints(joints[:4])
+        by_joints(index, joints[:4])
 
 
 def test_only_so_many_views_are_kept(people: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """The view that was opened longest ago makes room."""
-    monkeypatch.setattr("kinespace.library.windows.index.MAX_VIEWS", 2)
+    monkeypatch.setattr("kinespace.library.windows.opening.MAX_VIEWS", 2)
     index = WindowIndex.of(people)
     sets = [tuple(name for name in STICK.joints if name != left_out) for left_out in STICK.joints[:3]]
     for each in sets:
-        index.by_joints(each)
-    assert [index.has_view(each) for each in sets] == [False, True, True]
+        by_joints(index, each)
+    assert [has_view(index, each) for each in sets] == [False, True, True]
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from naive_windows import evidence, logit
 
-from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.library_file import Learned
+from kinespace.library import MotionLibrary, WindowIndex, by_joints
 from kinespace.library.windows import rejection as judging
 from kinespace.library.windows.rejection import MAX_LEAD, RATES, Evidence, Rejection
 
@@ -27,7 +26,7 @@ def learning(builtin: MotionLibrary) -> WindowIndex:
     """Give an index that has to learn from its own motions: six classes by three people, twelve joints."""
     fewer = builtin.without(classes=builtin.classes[1::2], actors=("bk", "tr"))
     fewer = fewer.restricted_to(fewer.skeleton.joints[::3])
-    return WindowIndex.of(replace(fewer, learned=None))
+    return WindowIndex.of(replace(fewer, learned={}))
 
 
 def _shares_known(index: WindowIndex, *, with_class: bool) -> list[float]:
@@ -76,7 +75,7 @@ def test_evidence_is_weighed(class_name: str, bias: float, slope: float) -> None
 
 def test_numbers_come_back_from_a_librarys_file() -> None:
     """They are kept as named arrays of single precision."""
-    again = Rejection.of_kept(Learned(REJECTION.kept().named), 2)
+    again = Rejection.of_kept(REJECTION.kept(), 2)
     for name in ("weights", "thresholds", "typical"):
         assert np.array_equal(getattr(again, name), getattr(REJECTION, name))
     assert (again.offset, again.biases, again.slopes, again.joints) == (0.75, REJECTION.biases, REJECTION.slopes, 31)
@@ -87,28 +86,28 @@ def test_numbers_come_back_from_a_librarys_file() -> None:
 def test_numbers_for_few_joints_lie_beside_the_others() -> None:
     """Each comes back alone; a file without them says so."""
     few = replace(REJECTION, offset=7.0, biases={"sit": 1.0}, joints=12)
-    learned = Learned({**REJECTION.kept().named, **few.kept(few=True).named})
+    learned = {**REJECTION.kept(), **few.kept(few=True)}
     for kept, expected in ((Rejection.of_kept(learned, 2, few=each), (REJECTION, few)[each]) for each in (False, True)):
         assert (kept.offset, kept.biases, kept.joints) == (expected.offset, expected.biases, expected.joints)
-    assert [judging.most_of_few(each) for each in (learned, REJECTION.kept(), None)] == [12, 0, 0]
+    assert [judging.most_of_few(each) for each in (learned, REJECTION.kept(), {})] == [12, 0, 0]
 
 
 @pytest.mark.parametrize("name", ["weights", "offset", "thresholds", "typical", "joints", "over", "bias walk"])
 @pytest.mark.parametrize("wrong", [None, np.zeros(7), np.array([np.nan])], ids=["missing", "more", "no number"])
 def test_numbers_that_do_not_fit_are_refused(name: str, wrong: np.ndarray | None) -> None:
     """The message names them; a class may be missing, and in older files how long evidence is averaged."""
-    arrays: dict[str, np.ndarray] = dict(REJECTION.kept().named)
+    arrays: dict[str, np.ndarray] = dict(REJECTION.kept())
     arrays.pop(name)
     if wrong is None and name.startswith("bias"):
-        assert Rejection.of_kept(Learned(arrays), 2).biases == {"jump": -0.25}
+        assert Rejection.of_kept(arrays, 2).biases == {"jump": -0.25}
         return
     if wrong is None and name == "over":
-        assert Rejection.of_kept(Learned(arrays), 2).over == pytest.approx(judging.USUAL_OVER)
+        assert Rejection.of_kept(arrays, 2).over == pytest.approx(judging.USUAL_OVER)
         wrong = np.zeros(1)
     if wrong is not None:
         arrays[name] = wrong
     with pytest.raises(ValueError, match=f"^{name}: expected"):
-        Rejection.of_kept(Learned(arrays), 2)
+        Rejection.of_kept(arrays, 2)
 
 
 def test_the_more_may_be_named_the_lower_the_threshold() -> None:
@@ -157,6 +156,6 @@ def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) ->
     some, most = builtin_index.of_some(range(0, 288, 9)), judging.most_of_few(learned)
     few = Rejection.of_kept(learned, 5, few=True)
     for joints, expected in ((most + 1, kept), (most, few)):
-        view = some.by_joints(builtin_index.library.skeleton.joints[-joints:])
+        view = by_joints(some, builtin_index.library.skeleton.joints[-joints:])
         assert np.array_equal(view.rejection.thresholds, expected.thresholds)
         assert not np.array_equal(view.rejection.typical, expected.typical)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.windows import index, remembered
+from kinespace.library.windows import opening, remembered
 
 pytestmark = pytest.mark.slow
 SIXTEEN = MotionLibrary.builtin().skeleton.joints[:16]
@@ -23,12 +23,12 @@ def folder(tmp_path: Path, small_library: MotionLibrary, monkeypatch: pytest.Mon
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: small_library)
     yield tmp_path / "windows"
     monkeypatch.undo()
-    index.opened.cache_clear()
+    opening.opened.cache_clear()
 
 
 def _opened() -> WindowIndex:
-    index.opened.cache_clear()
-    return index.opened(MotionLibrary.builtin())
+    opening.opened.cache_clear()
+    return opening.opened(MotionLibrary.builtin())
 
 
 def _numbers(opened: WindowIndex) -> list[np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
@@ -41,11 +41,11 @@ def _numbers(opened: WindowIndex) -> list[np.ndarray[tuple[int, ...], np.dtype[n
 
 def test_remembered_windows_are_those_that_were_computed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second opening computes nothing, and gives the first one's numbers, bit for bit; by fewer joints, too."""
-    computed, fewer = _opened(), _opened().by_joints(SIXTEEN)
+    computed, fewer = _opened(), opening.by_joints(_opened(), SIXTEEN)
     assert len(list(folder.iterdir())) == 2
-    monkeypatch.setattr(index.WindowIndex, "of", None)
+    monkeypatch.setattr(WindowIndex, "of", None)
     again = _opened()
-    for first, second in ((computed, again), (fewer, again.by_joints(SIXTEEN))):
+    for first, second in ((computed, again), (fewer, opening.by_joints(again, SIXTEEN))):
         assert first is not second
         assert first.classes == second.classes
         assert first.library.skeleton == second.library.skeleton
@@ -100,7 +100,7 @@ def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
     """A library of other motions writes nothing."""
     builtin = MotionLibrary.builtin()
     others = MotionLibrary(builtin.skeleton, builtin.motions[:12])
-    assert index.opened(others).library is others
+    assert opening.opened(others).library is others
     assert not folder.exists()
 
 

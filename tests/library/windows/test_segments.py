@@ -7,8 +7,9 @@ import pytest
 from naive_bodies import build_and_stretch, unlike
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
+from kinespace.library.recordings.remarks import remarks
 from kinespace.library.windows import segments as bodies
-from kinespace.library.windows.segments import DISORDER, FLAT, Segments, mirrored, remarks
+from kinespace.library.windows.segments import DISORDER, FLAT, Segments, mirrored
 from kinespace.tools.feeding.feed import resampled
 
 

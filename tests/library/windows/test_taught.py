@@ -8,7 +8,7 @@ import pytest
 from synthetic import stick_clips
 
 from kinespace.library import MotionLibrary, WindowIndex
-from kinespace.library.library_file import TAUGHT, Learned
+from kinespace.library.library_file import TAUGHT
 from kinespace.library.windows.comparison import Weighing
 from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of
 
@@ -52,7 +52,7 @@ def test_kept_numbers_are_the_learned_ones(
 def test_the_built_in_file_keeps_its_metrics(builtin: MotionLibrary, weighing: Weighing) -> None:
     """Its windows are as far from each other as in metrics learned here; processors round differently."""
     kept = WindowIndex.of(builtin, builtin, weighing)
-    learned = WindowIndex.of(replace(builtin, learned=None), weighing=weighing)
+    learned = WindowIndex.of(replace(builtin, learned={}), weighing=weighing)
     assert kept_of(builtin, weighing) is not None
     none, ask, again = np.zeros(len(kept), dtype=np.bool_), kept.asked_by, learned.asked_by
     for window in range(0, len(kept), 197):
@@ -72,11 +72,11 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     changed += [replace(keeping, motions=(*each, *others)) for each in some]
     assert all(kept_of(each, across) is None for each in changed)
     assert kept_of(keeping, replace(across, first=1.0)) is None
-    assert kept_of(replace(keeping, learned=None), across) is None
+    assert kept_of(replace(keeping, learned={}), across) is None
     # Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing.
-    numbers = Learned({**keeping.learned.named, "offset": np.ones(1, dtype=np.float32)})
+    numbers = {**keeping.learned, "offset": np.ones(1, dtype=np.float32)}
     derived = replace(keeping, learned=numbers).without(motions=[one])
-    assert list(derived.learned.named) == ["offset"]
+    assert list(derived.learned) == ["offset"]
 
 
 DIRECTIONS, AXES = (rf"\(15, at most {most}\) numbers, got \(" for most in (32, 128))
@@ -99,8 +99,8 @@ def test_arrays_that_do_not_fit_are_refused(
     keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
 ) -> None:
     """An array of another shape raises ValueError with its name, the expectation and the value found."""
-    arrays = {each: kept for each, kept in keeping.learned.named.items() if each != f"{TAUGHT}{name}"}
+    arrays = {each: kept for each, kept in keeping.learned.items() if each != f"{TAUGHT}{name}"}
     if array is not None:
         arrays[f"{TAUGHT}{name}"] = array.astype(np.float32)
     with pytest.raises(ValueError, match=f"{TAUGHT}{name}: expected {said}"):
-        kept_of(replace(keeping, learned=Learned(arrays)), WEIGHINGS["across"])
+        kept_of(replace(keeping, learned=arrays), WEIGHINGS["across"])

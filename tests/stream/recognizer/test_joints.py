@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from performed import pushed, shown
 from synthetic import STICK
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, opened
-from kinespace.library.signature.landmark_body import JOINTS, LandmarkBody
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, by_joints, opened
+from kinespace.library.signature.landmark_body import JOINTS, body_of
 from kinespace.library.windows.segments import FLAT
 from kinespace.stream import Announcement, Frame, Outcome, Performers, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
-from kinespace.stream.recognizer.joints import BELIEVED_AFTER, HELD, SAME_PLACE, Joints, Plausibility, Step, steps_of
+from kinespace.stream.recognizer.joints import BELIEVED_AFTER, HELD, SAME_PLACE, Joints, Plausibility, steps_of
 from kinespace.stream.recognizer.settings import threshold_for, usual_sensitivity
 from kinespace.tools.feeding.feed import resampled
 
@@ -51,13 +51,13 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     positions, lost = squat.positions.copy(), _places(small_library, "lthumb")
     positions[:, lost] = np.nan
     joints = tuple(np.delete(small_library.skeleton.joints, lost).tolist())
-    view = opened(small_library).by_joints(joints)
+    view = by_joints(opened(small_library), joints)
     whole = _played(Recognizer(view), np.delete(squat.positions, lost, axis=1))
     asked = list[tuple[str, ...]]()
 
     def views(index: WindowIndex, joints: tuple[str, ...]) -> WindowIndex | None:
         asked.append(joints)
-        return index.by_joints(joints) if len(asked) > 10 else None
+        return by_joints(index, joints) if len(asked) > 10 else None
 
     recognizer = Recognizer(small_library, views=views)
     answers = _played(recognizer, positions)
@@ -200,16 +200,16 @@ def test_no_jump_is_overlooked_for_its_small_sum(small_index: WindowIndex, kick:
 
 def test_a_jump_is_judged_by_the_step_of_the_twin(small_index: WindowIndex, kick: Clip) -> None:
     """A body jumps when its sixth farthest joint steps too far, unlike before; its own frames have no such step."""
-    watched, still = _watch(small_index), Step(np.zeros_like(kick.positions[0]), 1 / FAST)
+    watched, still, both = _watch(small_index), np.zeros_like(kick.positions[0]), (1 / FAST, 1 / FAST)
     for before, after in ((0, 1), (0, kick.frames // 2), (3, kick.frames - 1)):
-        step = Step(kick.positions[after] - kick.positions[before], 1 / FAST)
+        step = kick.positions[after] - kick.positions[before]
         far = step_length(kick.positions[before].tolist(), kick.positions[after].tolist(), JUMPING)
-        assert watched._step_length(step.step) == pytest.approx(far)  # noqa: SLF001 - compared with the twin
-        assert watched.jumped(still, step) == (far >= 0.12)
+        assert watched._step_length(step) == pytest.approx(far)  # noqa: SLF001 - compared with the twin
+        assert watched.jumped((still, step), both) == (far >= 0.12)
         # A body that goes on as before does not jump, back and forth it does, and slowly it does not.
-        assert not watched.jumped(step, step)
-        assert watched.jumped(Step(-step.step, 1 / FAST), step) == (far >= 0.12)
-        assert not watched.jumped(still, Step(step.step, far / 6.9))
+        assert not watched.jumped((step, step), both)
+        assert watched.jumped((-step, step), both) == (far >= 0.12)
+        assert not watched.jumped((still, step), (1 / FAST, far / 6.9))
 
 
 def test_a_frozen_arm_is_doubted_and_nothing_else(small_index: WindowIndex, kick: Clip) -> None:
@@ -303,8 +303,7 @@ def test_shares_equal_plain_loops(seed: int) -> None:
 def _before_a_camera(clip: Clip) -> Clip:
     """Give a motion as a camera's body: the same directions, its own lengths."""
     some = [joint for joint in clip.skeleton.joints if joint in JOINTS]
-    body, seen = LandmarkBody(some), clip.restricted_to(some).positions
-    positions = np.array([body.of(landmarks) for landmarks in seen])
+    positions = np.array([body_of(some, landmarks) for landmarks in clip.restricted_to(some).positions])
     return replace(clip, positions=positions, skeleton=Skeleton(JOINTS), rotations=np.zeros((len(positions), 0)))
 
 

@@ -8,7 +8,7 @@ import pytest
 from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
-from kinespace.library import MotionLibrary, SkeletonMismatchError, WindowIndex, opened
+from kinespace.library import MotionLibrary, SkeletonMismatchError, WindowIndex, by_joints, opened
 from kinespace.stream import Announcement, Event, Frame, Performers, Recognition, Recognizer, Settings
 from kinespace.stream.frame import NewSender
 from kinespace.stream.recognizer import SentJoints
@@ -130,7 +130,7 @@ def test_frames_of_some_of_the_joints_are_compared_by_them(sticks: MotionLibrary
     performers.announce(Announcement("p", joints), 0.0)
     kept = [place for name, place in zip(joints, sent, strict=True) if name in STICK.joints]
     frames = _frames("p", "bow")
-    view = opened(sticks).by_joints([STICK.joints[place] for place in kept])
+    view = by_joints(opened(sticks), [STICK.joints[place] for place in kept])
     assert_same(_pushed(performers, _with_joints(frames, sent)), _alone(view, _with_joints(frames, kept)))
     assert performers.compared == {"p": "5 of 6 joints"}
     whole = performers.ordered(_with_joints(frames, sent)[0])
@@ -159,7 +159,7 @@ def test_a_performer_is_answered_once_the_windows_are_open(sticks: MotionLibrary
     ready, frames = [False], _with_joints(_frames("p", "bow"), range(5))
 
     def views(index: WindowIndex, joints: tuple[str, ...]) -> WindowIndex | None:
-        return index.by_joints(joints) if ready[0] else None
+        return by_joints(index, joints) if ready[0] else None
 
     performers = Performers(sticks, views=views)
     performers.announce(Announcement("p", FIVE), 0.0)
@@ -168,7 +168,7 @@ def test_a_performer_is_answered_once_the_windows_are_open(sticks: MotionLibrary
     assert (performers.compared, performers.refused, performers.opening) == ({"p": told}, {}, ("p",))
     assert (performers.counts.other_joints, performers.counts.opening) == (0, 1)
     ready[0] = True
-    assert_same(_pushed(performers, frames), _alone(opened(sticks).by_joints(FIVE), frames))
+    assert_same(_pushed(performers, frames), _alone(by_joints(opened(sticks), FIVE), frames))
     assert (performers.refused, performers.opening) == ({}, ())
     ready[0] = False
     performers.exchange(sticks.renamed({}))

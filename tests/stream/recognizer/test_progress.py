@@ -51,7 +51,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
     table = table_without("bk")
     moments = table.classes[class_name]
     few = replace(moments, vectors=moments.vectors[:4], speeds=moments.speeds[:4])
-    follower = ProgressFollower(PhaseTable({class_name: few}, table.whitening, table.basis, {}))
+    follower = ProgressFollower(PhaseTable({class_name: few}, table.whitening, table.basis))
     past, pace, count = list["NDArray[np.float64]"](), Pace(float(few.speeds.mean())), few.speeds.shape[1]
     beginning = beginning_of(count)
     belief = [[each / 4 for each in beginning]] * 4

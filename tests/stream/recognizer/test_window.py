@@ -1,12 +1,15 @@
 """The window: rows like a plain list's, and moments and covariances like the textbook's after every change."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
 
-from kinespace.stream.recognizer.window import MAX_FEED_RATE, Window
+from kinespace.stream.recognizer import window as recognizer_window
+from kinespace.stream.recognizer.window import Window
 
 #: Everything holds of the compiled functions and of numpy.
 pytestmark = pytest.mark.usefixtures("arithmetic")
@@ -16,10 +19,10 @@ TICKS = 960
 WIDTH = 6
 
 
-def _window(seconds: float, *others: float, fastest: float = MAX_FEED_RATE) -> Window:
+def _window(seconds: float, *others: float) -> Window:
     """Give a window whose points are its rows, with spans of so many seconds."""
     spans = sorted({seconds, *others})
-    return Window(spans, spans, np.eye(WIDTH), fastest)
+    return Window(spans, spans, np.eye(WIDTH))
 
 
 def _rows(*marks: float) -> np.ndarray:
@@ -40,7 +43,8 @@ def test_the_window_equals_a_plain_list(
 ) -> None:
     """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
     generator = np.random.default_rng(seed)
-    window = _window(ticks / TICKS, fastest=fastest)
+    with mock.patch.object(recognizer_window, "MAX_FEED_RATE", fastest):
+        window = _window(ticks / TICKS)
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
     time, mark = int(generator.integers(-1000, 1000)), 0
     while mark < 700:

@@ -17,8 +17,8 @@ import pytest
 from programs import until
 from synthetic import STICK_CLASSES, stick_clip
 
-from kinespace.library import MotionLibrary, WindowIndex, opened
-from kinespace.library.windows.index import MAX_VIEWS
+from kinespace.library import MotionLibrary, WindowIndex, by_joints, opened
+from kinespace.library.windows.opening import MAX_VIEWS
 from kinespace.stream import Announcement, BackgroundViews, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted, NewSender
 from kinespace.stream.service import gateway as gateways
@@ -182,8 +182,8 @@ def test_windows_are_given_once_they_are_open(sticks: MotionLibrary) -> None:
     views, index, joints = BackgroundViews(), WindowIndex.of(sticks), sticks.skeleton.joints[:5]
     assert views(index, joints) is None
     _wait(views)
-    assert views(index, joints) is index.by_joints(joints)
-    assert index.by_joints(joints).library.skeleton.joints == joints
+    assert views(index, joints) is by_joints(index, joints)
+    assert by_joints(index, joints).library.skeleton.joints == joints
 
 
 def test_joints_that_cannot_be_compared_are_not_tried_again(sticks: MotionLibrary) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import gesture, stick_clip, stick_clips
 
-from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
+from kinespace.library import Clip, MotionLibrary, WindowIndex, by_joints, opened
 from kinespace.library.windows.courses import Courses
 from kinespace.stream.teaching import movement as moving
 from kinespace.stream.teaching.examples import Check, Example, Roster, TaughtWindows, checked
@@ -87,7 +87,7 @@ def test_the_first_example_finds_fewer_joints_opened(beside: bool) -> None:  # n
     windows, joints = TaughtWindows(base, with_base=beside), base.library.skeleton.joints[:-1]
     example = Example(1, "mine", stick_clip("wave", frames=120), 0.0, 1.0)
     indices = [windows.index_of(roster) or base for roster in (Roster(), Roster((example,)), Roster())]
-    fewer = [index.by_joints(joints) for index in indices]
+    fewer = [by_joints(index, joints) for index in indices]
     known = {*base.classes} if beside else set()
     for index, classes in zip(fewer, (set(base.classes), known | {"mine"}, set(base.classes)), strict=True):
         assert index.library.skeleton.joints == joints

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from kinespace.library import Reading, WindowIndex
+from kinespace.library import Reading, WindowIndex, by_joints
 from kinespace.stream import Frame, Recognizer, Settings
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 
@@ -40,7 +40,7 @@ def test_it_is_said_within_ten_seconds_whether_the_library_fits(
 def _decided(take: Take, index: WindowIndex) -> bool | None:
     """Play the first seconds of a take; None where it is too short to decide."""
     shared = tuple(name for name in index.library.skeleton.joints if name in take.clip.skeleton.joints)
-    view = index if len(shared) == len(index.library.skeleton.joints) else index.by_joints(shared)
+    view = index if len(shared) == len(index.library.skeleton.joints) else by_joints(index, shared)
     recognizer, clip = Recognizer(view, Settings(hop=HOP)), take.clip.restricted_to(shared).as_of(view.library.skeleton)
     shown = range(clip.frames) if take.delivered is None else take.delivered.tolist()
     step = max(1, round(clip.frame_rate / 60))

@@ -41,7 +41,7 @@ def of_single_examples(builtin: MotionLibrary) -> Twin:
     """Give the slow twin of a library of one motion of each of three classes, the shortest ones."""
     first = {motion.class_name: motion for motion in builtin.motions if motion.actor == "bd"}
     short = tuple(sorted(first.values(), key=lambda motion: motion.frames)[:3])
-    return Twin(WindowIndex.of(replace(builtin, motions=short, learned=None)))
+    return Twin(WindowIndex.of(replace(builtin, motions=short, learned={})))
 
 
 @pytest.fixture(scope="module")

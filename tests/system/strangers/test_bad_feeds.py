@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from programs import LOOPBACK, ghost_cues, until
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.library.signature.landmark_body import LandmarkBody
+from kinespace.library.signature.landmark_body import body_of
 from kinespace.stream import Announcement, Frame, zeromq
 from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
 from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
@@ -105,7 +105,7 @@ def test_every_sent_frame_is_made(layout: str) -> None:
     assert (counts.malformed, counts.incomplete, counts.late, counts.held, counts.absurd) == (0, 0, 0, 0, 0)
     kept = positions[:, [SKELETON.joints.index(joint) for joint in preset.sent]]
     if preset.guessed:
-        kept = np.array([LandmarkBody(preset.sent).of(frame) for frame in kept])
+        kept = np.array([body_of(preset.sent, frame) for frame in kept])
     made = np.array([frame.positions for frame in frames])
     if layout in _ELSEWHERE:
         made, kept = (each - each.mean(axis=1, keepdims=True) for each in (made, kept))

@@ -72,7 +72,7 @@ def test_a_library_of_one_person_is_taught_by_its_other_motions(
     assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
     learned = MotionLibrary.load(tmp_path / "learned.npz")
     assert learned.actors == several.actors[:1]
-    assert learned.learned is not None
+    assert learned.learned
     assert printed[-1]["takes_found"] == 1
     single = own.without(motions=[each for each in own.motions if each.class_name == _CLASSES[0]][1:])
     single.save(tmp_path / "own.npz")

@@ -20,6 +20,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import mended, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.table_header import coordinate_of
+from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.recordings.formats.timed_frames import timing
 from kinespace.library.recordings.formats.units import WORDS, metres_of
 
@@ -30,7 +31,7 @@ _FRONT, _RATES = 20, ("datarate", "numframe", "nummarker")
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Give the lines that hold something, by number, from the one that names rates on; tabs for other marks."""
     mark, begun = "", False
-    for number, line in enumerate(memory.lines(path, errors="replace"), start=1):
+    for number, line in enumerate(lines_of(path, errors="replace"), start=1):
         if begun := begun or any(word in line.lower() for word in _RATES):
             # Commas that stand between names stand between numbers.
             mark = mark or next((each for each in "\t;," if each in line), "\t")

@@ -13,7 +13,7 @@ from synthetic import ARM, TinyBone, amc_text
 
 from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.library.naming import hdm05
-from kinespace.library.windows.index import opened
+from kinespace.library.windows.opening import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import RawPacket, RawWriter
 from kinespace.stream.osc.messages import encode_frame

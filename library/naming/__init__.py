@@ -8,4 +8,4 @@ from kinespace.library.naming.convention import (
     known_as,
     spelling,
 )
-from kinespace.library.naming.naming import AS_THEY_ARE, AUTO, NamedJoints, Naming, summary, unknown_names
+from kinespace.library.naming.naming import AS_THEY_ARE, AUTO, NamedJoints, Naming, listed, summary, unknown_names

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.naming import hdm05
+from kinespace.library.naming import hdm05, listed
 from kinespace.library.recordings.formats.joint_choice import chosen, people_in, short_names
 from kinespace.library.recordings.formats.timed_frames import MAX_GAP, Evened, laid
 from kinespace.library.recordings.formats.units import guessed_metres
@@ -79,7 +79,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     clips, people = list[Clip](), people_in([labels[index] for index in kept])
     theirs = {place for own in people.values() for place in own}
     if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
-        aside.append(f"left out: no performer's: {', '.join(things[:5])}{' ...' if len(things) > 5 else ''}")
+        aside.append(f"left out: no performer's: {listed(things, 5)}")
     several = people.items() if len(people) > 1 else ()
     unseen = [person for person, own in several if not is_seen(positions[:, [kept[each] for each in own]])]
     if 0 < len(unseen) < len(people):

@@ -36,6 +36,7 @@ from websockets.http11 import Request, Response
 from kinespace.library import MotionLibrary, library_file
 from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
+from kinespace.stream.teaching.commands import State, Step, as_json
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
 from kinespace.tools.cli.arguments import library_at
@@ -454,19 +455,15 @@ class PageServer(ClientServer[_Page]):
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control socket; every page gets the changes."""
         if self._control is None:
-            return {"states": [_refused(_NO_CONTROL)]}
+            return {"states": [as_json(State("", Step.REFUSED, reason=_NO_CONTROL))]}
         self.board.take_command(command, self._clock())
         reply = await asyncio.to_thread(self._control, command)
         if reply is None:
-            return {"states": [_refused(_NO_REPLY)]}
+            return {"states": [as_json(State("", Step.REFUSED, reason=_NO_REPLY))]}
         states, self._stale = reply.pop("states"), False
         self.board.take_reply(reply)
         self._wake()
         return {"states": states}
-
-
-def _refused(reason: str) -> dict[str, Any]:
-    return {"performer": "", "state": "refused", "seconds": 0.0, "reason": reason}
 
 
 class _Sent(msgspec.Struct):

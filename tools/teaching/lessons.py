@@ -406,9 +406,7 @@ def open_lessons(
     return lessons
 
 
-def open_taught(
-    taught: MotionLibrary, without: Collection[str] = (), *, beside: WindowIndex | None = None
-) -> WindowIndex:
+def open_taught(taught: MotionLibrary, without: Collection[str] = (), beside: WindowIndex | None = None) -> WindowIndex:
     """Open taught motions alone, as a file of them is opened without a library; or beside other windows.
 
     Parameters

@@ -281,8 +281,7 @@ class RecordingReader:
         if utkinect.is_take(path):
             return [restricted(utkinect.read_clip(path), reading.joints)]
         read = _READERS.get(ending, joint_table.read_clips)
-        metres = metres_of(reading.unit) if reading.unit else None
-        return read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)
+        return read(path, metres_per_unit=metres_of(reading.unit), frame_rate=reading.frame_rate, joints=reading.joints)
 
     def _named(self, clip: Clip) -> Clip:
         """Give a clip's joints our names."""

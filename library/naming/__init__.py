@@ -1,11 +1,4 @@
 """Joint names of other programs: conventions, found by the names of a file or a feed, and our names for them."""
 
-from kinespace.library.naming.convention import (
-    Convention,
-    ConventionError,
-    convention_named,
-    conventions,
-    known_as,
-    spelling,
-)
-from kinespace.library.naming.naming import AS_THEY_ARE, AUTO, NamedJoints, Naming, summary, unknown_names
+from kinespace.library.naming.convention import Convention, ConventionError, convention_named, conventions, spelling
+from kinespace.library.naming.naming import AS_THEY_ARE, AUTO, NamedJoints, Naming, listed, summary, unknown_names

@@ -50,14 +50,18 @@ class NamedJoints(NamedTuple):
         return self.convention.title if self.convention and self.convention.name != own_convention().name else ""
 
 
+def listed(names: Sequence[str], most: int) -> str:
+    """Write the first of some names, and dots where there are more."""
+    return ", ".join(names[:most]) + (" ..." if len(names) > most else "")
+
+
 def summary(title: str, joints: Sequence[str]) -> str:
     """Say in a line which convention was applied, and how many of our joints it found."""
     ours = hdm05.SKELETON.joints
     line = f"{title} names: {sum(joint in ours for joint in joints)} of {len(ours)} joints"
     foreign = [joint[:_MAX_LABEL] for joint in joints if joint not in ours]
     if foreign and not all(each <= {*joints} for each in _LIMBS):
-        listed = ", ".join(foreign[:_MAX_LISTED]) + (" ..." if len(foreign) > _MAX_LISTED else "")
-        line += f"; an arm or a leg is missing, not understood: {listed}"
+        line += f"; an arm or a leg is missing, not understood: {listed(foreign, _MAX_LISTED)}"
     return line
 
 
@@ -71,10 +75,9 @@ def unknown_names(labels: Sequence[str], joints: Collection[str]) -> str:
     tables = [(each.known(names), each.name) for each, names in spelled if each.fits(names)]
     known, nearest = max(tables, key=lambda each: each[0])
     near = f"the nearest table ({nearest}) knows {known} of {len(labels)}" if known else "no table knows them"
-    listed = ", ".join(lost[:_MAX_LISTED]) + (" ..." if len(lost) > _MAX_LISTED else "")
     copied = nearest if known else _USUAL
     write = f"kinespace examples {copied}.toml > my.toml copies a table, to be edited for --names my.toml"
-    return f"names not known: {listed}; {near}; {write}"
+    return f"names not known: {listed(lost, _MAX_LISTED)}; {near}; {write}"
 
 
 @dataclass(frozen=True, slots=True)

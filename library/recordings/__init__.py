@@ -3,7 +3,6 @@
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.reader import (
     FILMS,
-    RAW,
     ActorIn,
     Reading,
     RecordingReader,

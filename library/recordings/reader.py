@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -231,7 +232,7 @@ class RecordingReader:
 
     def __init__(self, reading: Reading | None = None) -> None:
         self._reading = reading or Reading()
-        self._bodies = dict[Path, acclaim.AcclaimSkeleton]()
+        self._body_in = cache(acclaim.read_asf)
 
     def clips(self, path: Path) -> Sequence[Clip]:
         """Read one recording: one clip, or of a raw recording one clip for each performer.
@@ -274,19 +275,13 @@ class RecordingReader:
                 raise RecordingError(f"{path}: expected a motion file, got {got}: kinespace convert makes one")
             return [restricted(clip, reading.joints) for clip in reading.raw(path)]
         if ending == _AMC:
-            clip = acclaim.read_clip(path, self._body(path), frame_rate=reading.frame_rate)
+            body = self._body_in(reading.asf or acclaim.find_asf(path))
+            clip = acclaim.read_clip(path, body, frame_rate=reading.frame_rate)
             return [restricted(clip, reading.joints)]
         if utkinect.is_take(path):
             return [restricted(utkinect.read_clip(path), reading.joints)]
         read = _READERS.get(ending, joint_table.read_clips)
-        metres = metres_of(reading.unit) if reading.unit else None
-        return read(path, metres_per_unit=metres, frame_rate=reading.frame_rate, joints=reading.joints)
-
-    def _body(self, path: Path) -> acclaim.AcclaimSkeleton:
-        file = self._reading.asf or acclaim.find_asf(path)
-        if file not in self._bodies:
-            self._bodies[file] = acclaim.read_asf(file)
-        return self._bodies[file]
+        return read(path, metres_per_unit=metres_of(reading.unit), frame_rate=reading.frame_rate, joints=reading.joints)
 
     def _named(self, clip: Clip) -> Clip:
         """Give a clip's joints our names."""

@@ -15,6 +15,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -107,9 +108,6 @@ class _Body:
     ending: bool = False
     #: The joints of its frames, in their order, as they were announced; none before.
     announced: tuple[str, ...] = ()
-    #: Where a sender may send some joints: the names that came in the last seconds, and with the library's names.
-    came: tuple[str, ...] = ()
-    named: Mapping[str, str] = field(default_factory=dict)
 
 
 class FrameAssembler:
@@ -139,6 +137,8 @@ class FrameAssembler:
         #: Whether joints may never come.
         self._takes_some = bool(preset.bones) or preset.closings.some
         self._guessed = preset.guessed
+        #: The library's names of the joints that a performer's sender sends, which are nearly always the same.
+        self._named = lru_cache(MAX_PERFORMERS)(preset.named)
         self._axes = np.array([axis for axis, _ in preset.axes])
         self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
@@ -359,10 +359,7 @@ class FrameAssembler:
     def _coming_joints(self, body: _Body) -> Mapping[str, str]:
         """Give the joints that came in the last seconds, with the library's names."""
         came = tuple(name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER)[:_MAX_NAMES]
-        if body.came != came:
-            named = self.preset.named(came)
-            body.came, body.named = came, {name: target for name, target in named.items() if target}
-        return body.named
+        return {name: target for name, target in self._named(came).items() if target}
 
     def _placed(
         self, body: _Body, opened: Mapping[str, Sighting], joints: Mapping[str, str]

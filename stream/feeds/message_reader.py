@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from kinespace.library.naming import known_as, spelling
+from kinespace.library.naming.convention import known_as, spelling
 from kinespace.stream.feeds.kinematics import Quaternion, Vector
 from kinespace.stream.feeds.preset import MAX_ADDRESS, Means, MessageRule, Preset, pattern_of
 from kinespace.stream.osc.packet import Message, number_of

@@ -391,17 +391,14 @@ def packets_for_sender(preset: Preset, messages: Sequence[AskedMessage], port: i
     for each in messages:
         asks_for_joints = "{joint}" in each.address + "".join(map(str, each.arguments))
         joints = [name for name, target in preset.joint_map.items() if target] if asks_for_joints else [""]
-        packets += [_message(each, joint, port) for joint in joints]
+        for joint in joints:
+            arguments = [_filled(argument, joint, port) for argument in each.arguments]
+            packets.append(encode_message(each.address.replace("{joint}", joint), *arguments))
     return packets
 
 
-def _message(asked: AskedMessage, joint: str, port: int) -> bytes:
-    filled = [
-        port
-        if argument == "{port}"
-        else argument.replace("{joint}", joint).replace("{port}", str(port))
-        if isinstance(argument, str)
-        else argument
-        for argument in asked.arguments
-    ]
-    return encode_message(asked.address.replace("{joint}", joint), *filled)
+def _filled(argument: str | float, joint: str, port: int) -> str | float:
+    """Put a joint and a port in their places; the port alone is sent as a number."""
+    if argument == "{port}":
+        return port
+    return argument.replace("{joint}", joint).replace("{port}", str(port)) if isinstance(argument, str) else argument

@@ -34,17 +34,7 @@ import numpy as np
 from pythonosc.osc_packet import OscPacket, ParseError
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame, Input
-from kinespace.stream.osc.packet import (
-    BUNDLE_START,
-    Message,
-    PacketError,
-    decode_messages,
-    encode_bundle,
-    encode_message,
-    number_of,
-    padded,
-    split_packet,
-)
+from kinespace.stream.osc import packet
 from kinespace.stream.recognition import GONE, Answer, Done, Event, Recognition
 from kinespace.stream.status import Status
 
@@ -99,12 +89,12 @@ def decode(datagram: bytes, arrival: float) -> Received:
     if frame is not None:
         return Received([frame])
     try:
-        parts = split_packet(datagram)
+        parts = packet.split_packet(datagram)
         if sum(part.startswith(_FRAME_ADDRESS) for part in parts) > MAX_FRAMES:
-            raise PacketError(f"more than {MAX_FRAMES} frames in one packet")  # noqa: TRY301 - as the decoder raises it
+            raise packet.PacketError(f"more than {MAX_FRAMES} frames in one packet")  # noqa: TRY301 - as the decoder raises it
         plain = [_decode_plain_frame(part, arrival) for part in parts]
-        messages = iter(decode_messages(part for part, frame in zip(parts, plain, strict=True) if frame is None))
-    except PacketError as error:
+        messages = iter(packet.decode_messages(part for part, frame in zip(parts, plain, strict=True) if frame is None))
+    except packet.PacketError as error:
         return Received([], malformed=1, why_malformed=str(error))
     received = Received([])
     for frame in plain:
@@ -175,7 +165,7 @@ def beginning_of(datagram: bytes) -> tuple[bytes, float]:
     return datagram[:place], _DOUBLE.unpack_from(datagram, place)[0]
 
 
-def _understood(message: Message, arrival: float) -> Input | None:
+def _understood(message: packet.Message, arrival: float) -> Input | None:
     """Read our messages; None for any other. Raises TypeError, ValueError or OverflowError for a malformed one."""
     if message.address not in (_FRAME, SKELETON):
         return None
@@ -190,10 +180,10 @@ def _understood(message: Message, arrival: float) -> Input | None:
     if len(message.arguments) < 2:
         raise ValueError("time: expected seconds behind the performer, got nothing")
     time, *numbers = message.arguments[1:]
-    positions = np.array([number_of(number) for number in numbers], dtype=np.float64)
+    positions = np.array([packet.number_of(number) for number in numbers], dtype=np.float64)
     if positions.size % 3:
         raise ValueError(f"positions: expected three numbers per joint, got {positions.size}")
-    return Frame(performer, number_of(time) or arrival, positions.reshape(-1, 3))
+    return Frame(performer, packet.number_of(time) or arrival, positions.reshape(-1, 3))
 
 
 def _performer(argument: object) -> str:
@@ -207,14 +197,13 @@ def encode_frame(frame: Frame) -> bytes:
     """Encode a frame as `/motion/frame`, positions as float32."""
     positions = np.asarray(frame.positions, dtype=">f4")
     head = _FRAME_START + b"f" * positions.size
-    return b"".join(
-        [head, b"\0" * (4 - len(head) % 4), padded(frame.performer), _DOUBLE.pack(frame.time), positions.tobytes()]
-    )
+    head += b"\0" * (4 - len(head) % 4) + packet.padded(frame.performer)
+    return head + _DOUBLE.pack(frame.time) + positions.tobytes()
 
 
 def encode_announcement(announcement: Announcement) -> bytes:
     """Encode the names of the joints in a performer's frames, as `/motion/skeleton`."""
-    return encode_message(SKELETON, announcement.performer, *announcement.joints)
+    return packet.encode_message(SKELETON, announcement.performer, *announcement.joints)
 
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
@@ -229,7 +218,7 @@ _MAX_FLOAT = (2 - 2**-23) * 2.0**127
 _RESERVED = frozenset(" #*,/?[]{}%")
 
 #: A label's bytes: a performer's answers have the same few.
-_label = lru_cache(maxsize=1024)(padded)
+_label = lru_cache(maxsize=1024)(packet.padded)
 
 
 def encode_recognition(recognition: Recognition) -> bytes:
@@ -248,9 +237,9 @@ def encode_recognition(recognition: Recognition) -> bytes:
     if recognition.progress:
         messages.append(encode_progress(recognition))
     messages.append(scores_head + recognition.scores.astype(">f4").tobytes())
-    if len(BUNDLE_START) + sum(_SIZE.size + len(message) for message in messages) > MAX_ANSWER:
+    if len(packet.BUNDLE_START) + sum(_SIZE.size + len(message) for message in messages) > MAX_ANSWER:
         messages.pop()
-    return BUNDLE_START + b"".join(_SIZE.pack(len(message)) + message for message in messages)
+    return packet.BUNDLE_START + b"".join(_SIZE.pack(len(message)) + message for message in messages)
 
 
 @lru_cache(maxsize=1024)
@@ -265,7 +254,7 @@ def _answer_heads(performer: str, classes: int) -> tuple[bytes, ...]:
         "scores": "," + "f" * classes,
         "progress": ",ifffffi",
     }
-    return tuple(padded(f"{start}/{last}") + padded(types) for last, types in layouts.items())
+    return tuple(packet.padded(f"{start}/{last}") + packet.padded(types) for last, types in layouts.items())
 
 
 def encode_progress(recognition: Recognition) -> bytes:
@@ -281,11 +270,11 @@ def encode_progress(recognition: Recognition) -> bytes:
 def encode_gone(performer: str) -> bytes:
     """Encode that a performer has left: an answer without a class, without scores."""
     start = f"/motion/{address_part(performer)}"
-    return encode_bundle(
-        encode_message(f"{start}/class", -1, 0.0, 0.0),
-        encode_message(f"{start}/guess", -1),
-        encode_message(f"{start}/sofar", -1),
-        encode_message(f"{start}/label", GONE),
+    return packet.encode_bundle(
+        packet.encode_message(f"{start}/class", -1, 0.0, 0.0),
+        packet.encode_message(f"{start}/guess", -1),
+        packet.encode_message(f"{start}/sofar", -1),
+        packet.encode_message(f"{start}/label", GONE),
     )
 
 
@@ -302,7 +291,7 @@ def encode_event(event: Event, since: float = 0.0) -> bytes:
     """
     elapsed = min(max(event.time - since, -_MAX_FLOAT), _MAX_FLOAT)
     place = f"/motion/{address_part(event.performer)}/event"
-    return encode_message(place, str(event.kind), event.label, event.index, float(event.score), float(elapsed))
+    return packet.encode_message(place, str(event.kind), event.label, event.index, float(event.score), float(elapsed))
 
 
 def encode_done(done: Done, since: float = 0.0) -> bytes:
@@ -318,19 +307,19 @@ def encode_done(done: Done, since: float = 0.0) -> bytes:
     start = min(max(done.start - since, -_MAX_FLOAT), _MAX_FLOAT)
     numbers = done.duration, done.score, done.speed, done.amplitude
     place = f"/motion/{address_part(done.performer)}/done"
-    return encode_message(place, done.label, done.index, done.count, start, *numbers)
+    return packet.encode_message(place, done.label, done.index, done.count, start, *numbers)
 
 
 def encode_classes(classes: Sequence[str]) -> bytes:
     """Encode the class names in the order their indices count, as `/motion/classes`."""
-    return encode_message("/motion/classes", *classes)
+    return packet.encode_message("/motion/classes", *classes)
 
 
 def encode_status(status: Status) -> bytes:
     """Encode `/motion/status i alive f frames per second i performers i lost`, numbers only."""
     # A sender's sequence numbers may skip more than an OSC integer holds.
     lost = min(status.lost, _MAX_INTEGER)
-    return encode_message("/motion/status", 1, status.frames_per_second, len(status.performers), lost)
+    return packet.encode_message("/motion/status", 1, status.frames_per_second, len(status.performers), lost)
 
 
 @lru_cache(maxsize=1024)

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import count, cycle, repeat
 from multiprocessing.synchronize import Event
+from typing import NamedTuple
 
 import numpy as np
 import zmq
 from golden import bundle
 
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.tools.feeding.service import Place
+from kinespace.tools.feeding.service import Program
 
 #: The performer whom the attacks must not harm.
 INNOCENT = "innocent"
@@ -26,6 +27,22 @@ _GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + by
 _LONG, _COMMAND = 2, 4
 #: Bytes of a flood a second: 30 Mbit.
 _BYTES = 30_000_000 / 8
+
+
+class Place(NamedTuple):
+    """Where a recogniser listens for frames by OSC and by ZeroMQ (empty: not), and where it answers by ZeroMQ."""
+
+    osc: tuple[str, int]
+    frames: str
+    answers: str
+
+
+def place_of(program: Program) -> Place:
+    """Wait until `live` listens; give its addresses."""
+    # A second ZeroMQ address is the one for commands.
+    pattern = r"listening on OSC (\S+):(\d+)(?:, ZeroMQ ([^\s;,]+))?[^;]*; answering to .*?ZeroMQ ([^\s;,]+)"
+    host, port, frames, answers = program.expect(pattern).groups()
+    return Place((host, int(port)), frames or "", answers)
 
 
 def _paced(send: Callable[[], object], rate: float, stop: Event) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import zmq
+from chaos.attacks import place_of
 from chaos.performer import stream
 from chaos.trial import started
 
@@ -29,7 +30,7 @@ def taught_before_kill(path: Path, kill: int, draw: np.random.Generator) -> dict
     taught, ended = dict[str, float](), threading.Event()
     with ExitStack() as opened:
         program = opened.enter_context(started(("--teach", str(path), "--control", "tcp://127.0.0.1:*")))
-        place, control = program.place(), program.expect(r"ZeroMQ (tcp://\S+) \(control\)")[1]
+        place, control = place_of(program), program.expect(r"ZeroMQ (tcp://\S+) \(control\)")[1]
         performer = threading.Thread(target=stream, args=(place, "p", ended, bench.positions()[::2], 60.0))
         performer.start()
         opened.callback(performer.join)

@@ -11,14 +11,14 @@ from itertools import count
 from typing import NamedTuple
 
 import numpy as np
-from chaos.attacks import INNOCENT
+from chaos.attacks import INNOCENT, Place
 from numpy.typing import NDArray
 
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, ZmqFrameSender
-from kinespace.tools.feeding.service import Listener, Place, Played, play
+from kinespace.tools.feeding.service import Listener, Played, play
 
 #: Makes faulty cues of the intended cues of a feed.
 Fault = Callable[[list[Cue]], list[Cue]]

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 import zmq
+from chaos.attacks import Place, place_of
 from chaos.performer import stream
 from chaos.trial import ended_with, page_of, started
 from chaos.trials import slow
@@ -27,7 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from kinespace.stream.teaching.teacher import REMEMBERED
-from kinespace.tools.feeding.service import Place, Program
+from kinespace.tools.feeding.service import Program
 from kinespace.tools.programs import bench
 from kinespace.tools.programs.bench import machine
 
@@ -153,7 +154,7 @@ def main() -> int:
         arguments = ("--teach", f"{folder}/mine.npz", "--control", "tcp://127.0.0.1:*", "--page", "127.0.0.1:0")
         program = opened.enter_context(started(arguments))
         control = program.expect(r"ZeroMQ (tcp://\S+) \(control\)")[1]
-        stage = Stage(program.place(), control, program.expect(r"page: (http\S+)")[1])
+        stage = Stage(place_of(program), control, program.expect(r"page: (http\S+)")[1])
         if options.slow:
             threading.Thread(target=slow, args=(program, Path(folder), options.seconds), daemon=True).start()
         found: list[dict[str, Held]] = []

@@ -7,7 +7,7 @@ from contextlib import closing
 from itertools import count
 
 import pytest
-from chaos.attacks import INNOCENT
+from chaos.attacks import INNOCENT, place_of
 from chaos.performer import NAMES, cues_of
 from chaos.trial import ended_with, started
 from chaos.trials import TRIALS
@@ -28,7 +28,7 @@ SECONDS = 0.25
 def test_nothing_ends_the_program() -> None:
     """After all attacks and a stop a performer is answered, the attacks are counted, and the program ends well."""
     with started(["--signature", "paper"]) as program:
-        place, positions = program.place(), bench.positions()[:120]
+        place, positions = place_of(program), bench.positions()[:120]
         for attack in SUFFERED:
             stop = threading.Event()
             threading.Timer(SECONDS, stop.set).start()

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from chaos.attacks import Place, place_of
 from chaos.performer import FRAME_RATE, Fault, Performer, cues_of
 from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Recognizer
 from kinespace.stream.inputs.kinerec import RawFile
-from kinespace.tools.feeding.service import Place, Program
+from kinespace.tools.feeding.service import Program
 
 #: Runs until it is stopped.
 Attack = Callable[[Place, Event], None]
@@ -154,7 +155,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
         if trial.prepared:
             trial.prepared(folder)
         program = opened.enter_context(started(options[0]))
-        place = program.place()
+        place = place_of(program)
         ready, go, stop = context.Semaphore(0), context.Event(), context.Event()
         attacker = context.Process(target=_attack, args=(trial.attack, place, ready, go, stop), daemon=True)
         attacker.start()
@@ -184,7 +185,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
             time.sleep(0.1)
         memory = (before, most, memory_of(program))
         # Ctrl-C while a program starts ends it with 1.
-        program.place()
+        place_of(program)
         performance, status = performer.end(), ended_with(program)
         since = begin if trial.killed else end if trial.fault or trial.deed else ended
         recordings = map(kept, sorted(folder.glob("a*.kinerec")))

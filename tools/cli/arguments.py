@@ -224,9 +224,8 @@ def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> Non
 
 
 def add_subjects(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose takes by person."""
-    for option, chosen in (("--subjects", "of these persons only"), ("--without-subjects", "not of these persons")):
-        parser.add_argument(option, **several(str, "NAME"), help=f"takes {chosen}")
+    """Add the option that chooses takes by person."""
+    parser.add_argument("--subjects", **several(str, "NAME"), help="takes of these persons only")
 
 
 def made_of(kind: type[_Made], parsed: argparse.Namespace, **further: object) -> _Made:

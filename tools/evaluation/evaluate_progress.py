@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows, opened
 from kinespace.library.phases import MOMENTS_PER_SECOND
+from kinespace.library.signature.own_frame import at_steps
 from kinespace.stream import Progress, Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP, ProgressFollower
 from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
-from kinespace.tools.feeding.feed import between
 
 #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
 Estimate = NDArray[np.float64]
@@ -110,7 +110,7 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
         now += STEP * speed
     own = np.interp(np.array(times) * MOMENTS_PER_SECOND, np.arange(len(phases)), phases)
     true = np.array([own, np.array(speeds) * mean_seconds / clip.duration])
-    return _Played(clip, between(clip, np.array(times) * clip.frame_rate), true)
+    return _Played(clip, at_steps(clip.times, clip.positions, np.array(times)), true)
 
 
 def _estimates(played: _Played, index: WindowIndex) -> dict[str, Estimate]:

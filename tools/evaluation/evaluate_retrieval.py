@@ -109,13 +109,10 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
     """List the protocols that the known actors allow."""
     actors, library = {clip.actor for clip in clips}, set(SPLIT_LIBRARY_ACTORS)
-    several = len(actors) > 1 and "" not in actors
-    allowed = {
-        Protocol.LEAVE_ONE_OUT: True,
-        Protocol.ACTOR_HELD_OUT: several,
-        Protocol.SPLIT: several and bool(actors & library) and bool(actors - library),
-    }
-    return [protocol for protocol, is_allowed in allowed.items() if is_allowed]
+    if len(actors) < 2 or "" in actors:
+        return [Protocol.LEAVE_ONE_OUT]
+    divided = actors & library and actors - library
+    return [*Protocol] if divided else [Protocol.LEAVE_ONE_OUT, Protocol.ACTOR_HELD_OUT]
 
 
 def _ways(clips: Sequence[Clip], signature: str | None) -> list[tuple[Space, SignatureKind]]:

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Outcome, Recognition, Settings
-from kinespace.stream.teaching.examples import Roster, TaughtWindows
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
@@ -105,21 +104,19 @@ def run(options: argparse.Namespace) -> None:
 def played(show: Show, settings: Settings, *, beside: bool = False) -> list[Recognition]:
     """Teach a show's examples, in metrics learned without the performer, or beside the built-in library; play it."""
     taught = MotionLibrary.of_clips(show.examples)
-    index = _beside(taught, show.performer) if beside else open_taught(taught, {show.performer})
+    known = _others(taught, show.performer) if beside else None
+    index = open_taught(taught, {show.performer}, beside=known)
     positions = show.positions[:, index.library.skeleton.order_from(taught.skeleton.joints)]
     times = np.arange(len(positions)) / _RATE
     return harness.answers_to(harness.Feed(times, positions, index.library.skeleton), index, settings)
 
 
-def _beside(taught: MotionLibrary, performer: str) -> WindowIndex:
-    """Open taught motions beside the built-in library's other classes and persons; its metrics know all of them."""
+def _others(taught: MotionLibrary, performer: str) -> WindowIndex:
+    """Open the built-in library's classes that are not taught, of other persons; its metrics know all of them."""
     builtin = opened(MotionLibrary.builtin().restricted_to(taught.skeleton.joints))
     named = [(each.actor, each.class_name) for each in builtin.library.motions]
     others = [place for place, (actor, name) in enumerate(named) if actor != performer and name not in taught.classes]
-    index = TaughtWindows(builtin.of_some(others), with_base=True).index_of(Roster.of_library(taught))
-    if index is None:
-        raise ValueError("--beside: expected examples that are long enough for a window, got none")
-    return index
+    return builtin.of_some(others)
 
 
 def _everyday(options: argparse.Namespace) -> list[Clip]:

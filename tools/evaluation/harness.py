@@ -95,8 +95,8 @@ class Sources:
         CSV files that list the classes that each take contains.
     names
         Class names for labels that the library calls otherwise.
-    persons, without_persons
-        The persons whose takes are kept (all when empty), and the persons whose takes are left out.
+    persons
+        The persons whose takes are kept; all when empty.
     skeleton
         Name of a joint set to which takes are restricted; all joints when not given.
     """
@@ -108,7 +108,6 @@ class Sources:
     tables: Sequence[Path] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     persons: Sequence[str] = ()
-    without_persons: Sequence[str] = ()
     skeleton: str | None = None
 
     def __bool__(self) -> bool:
@@ -116,7 +115,7 @@ class Sources:
 
     def wants(self, person: str) -> bool:
         """Whether a person's takes are kept."""
-        return person not in self.without_persons and (not self.persons or person in self.persons)
+        return not self.persons or person in self.persons
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +150,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
         for line in oddities(take.clip, take.segments) if take.is_known else ():
             note(line)
     if not takes:
-        persons = ", ".join((*sources.persons, *(f"not {name}" for name in sources.without_persons)))
-        raise ValueError(f"--subjects: expected persons with takes, got {persons}")
+        raise ValueError(f"--subjects: expected persons with takes, got {', '.join(sources.persons)}")
     if sources.skeleton:
         joints = arguments.joints_of(sources.skeleton)
         takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
@@ -388,8 +386,7 @@ def add_asked(parser: argparse.ArgumentParser) -> None:
 
 def sources_of(options: argparse.Namespace) -> Sources:
     """Make the sources of takes from the arguments."""
-    names, without = dict(options.map), options.without_subjects
-    further = {"places": options.takes, "persons": options.subjects, "without_persons": without, "names": names}
+    further = {"places": options.takes, "persons": options.subjects, "names": dict(options.map)}
     return arguments.made_of(Sources, options, **further)
 
 

@@ -133,7 +133,7 @@ def run(options: argparse.Namespace) -> None:
     """Learn, save the library with the learned numbers, and print their figures."""
     require_place_for(options.output, overwrite=options.overwrite)
     library = arguments.library_at(options.library)
-    sources = Sources(tables=options.tables, persons=options.subjects, without_persons=options.without_subjects)
+    sources = Sources(tables=options.tables, persons=options.subjects)
     takes = read_takes(sources, arguments.reading_of(options))
     if all(take.labels for take in takes):
         raise ValueError("takes: expected some in which nothing known happens, got none")

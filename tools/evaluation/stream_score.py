@@ -193,6 +193,8 @@ class Stretch(NamedTuple):
         Name of the take and index of the segment; the same for every recogniser.
     person
         The person who performs; empty when not known.
+    segment
+        Its label and its time in the take.
     truth
         Index of the class performed, NONE when the recogniser's library does not know the class.
     seconds
@@ -205,9 +207,9 @@ class Stretch(NamedTuple):
         The numbers of named classes and of start events that begin in it.
     found
         Whether a right guess lasted.
-    delay, seen
-        Seconds to the first such guess, and as a share of the segment; None when there is none, and where the segment
-        follows one of its class: the guess was held.
+    delay
+        Seconds to the first such guess; None when there is none, and where the segment follows one of its class: the
+        guess was held.
     event_delay
         Seconds until an event of the class performed goes on; None as before.
     scores
@@ -216,6 +218,7 @@ class Stretch(NamedTuple):
 
     key: tuple[str, int]
     person: str
+    segment: Segment
     truth: int
     seconds: float
     right: float
@@ -227,7 +230,6 @@ class Stretch(NamedTuple):
     started: int
     found: bool
     delay: float | None
-    seen: float | None
     event_delay: float | None
     scores: NDArray[np.float64]
 
@@ -272,6 +274,7 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
             yield Stretch(
                 key=(course.name, index),
                 person=course.person,
+                segment=segment,
                 truth=truth,
                 seconds=float(lasts.sum()),
                 right=float(lasts @ right),
@@ -283,7 +286,6 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
                 started=int(started[frames].sum()),
                 found=first is not None,
                 delay=delay,
-                seen=None if delay is None else delay / segment.duration,
                 event_delay=float(times[going_on[0]] - segment.start) if going_on.size and not again else None,
                 scores=scores[np.isfinite(scores)],
             )
@@ -333,16 +335,13 @@ def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: floa
     `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came, and
     where the segment follows one of its class.
     """
-    by_name = {course.name: course for course in courses}
     for each in stretches_of(courses, window):
-        name, index = each.key
-        segment = by_name[name].segments[index]
         yield {
-            "take": name,
+            "take": each.key[0],
             "person": each.person,
-            "start": segment.start,
-            "end": segment.end,
-            "performed": segment.label,
+            "start": each.segment.start,
+            "end": each.segment.end,
+            "performed": each.segment.label,
             "truth": classes[each.truth] if each.known else "",
             "seconds": each.seconds,
             "right": each.right / each.seconds if each.known and each.seconds else "",
@@ -444,7 +443,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         "segments_found": _ratio(known, lambda each: each.found, lambda _: 1),
         "median_delay_s": _percentile(known, lambda each: each.delay, 50),
         "p90_delay_s": _percentile(known, lambda each: each.delay, 90),
-        "median_seen": _percentile(known, lambda each: each.seen, 50),
+        "median_seen": _percentile(known, lambda each: each.delay and each.delay / each.segment.duration, 50),
         "median_event_delay_s": _percentile(known, lambda each: each.event_delay, 50),
         "unknown_answered": _ratio(unknown, lambda each: each.named, _seconds),
         "false_per_minute": _ratio(unknown, lambda each: each.begun, _seconds, 60),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Clip
+from kinespace.library.signature.own_frame import at_steps
 from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.tools.cli.entry import check_interrupted
 
@@ -105,25 +106,16 @@ def resampled(clip: Clip, frame_rate: float) -> Clip:
     Parameters
     ----------
     clip
-        Any; its rotations are left out.
+        Of two frames or more; its rotations are left out.
     frame_rate
         Frames per second.
     """
     if clip.frame_rate == frame_rate:
         return clip
-    # The last place is the last frame's; rounding must not lose it.
+    # The last time is the last frame's; rounding must not lose it.
     count = int((clip.frames - 1) * frame_rate / clip.frame_rate + 1e-6) + 1
-    positions = between(clip, np.arange(count) * (clip.frame_rate / frame_rate))
+    positions = at_steps(clip.times, clip.positions, np.arange(count) / frame_rate)
     return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
-
-
-def between(clip: Clip, places: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Give a clip's positions, (places, joints, 3), metres, at places counted in frames, by straight lines."""
-    before = np.minimum(places.astype(np.intp), max(clip.frames - 2, 0))
-    share = (places - before)[:, None, None]
-    after = clip.positions[np.minimum(before + 1, clip.frames - 1)]
-    positions: NDArray[np.float64] = (1 - share) * clip.positions[before] + share * after
-    return positions
 
 
 def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = math.inf) -> NDArray[np.float32]:

@@ -194,14 +194,6 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_END, signal.SIGTERM)
 
 
-class Place(NamedTuple):
-    """Where a recogniser listens for frames by OSC and by ZeroMQ (empty: not), and where it answers by ZeroMQ."""
-
-    osc: tuple[str, int]
-    frames: str
-    answers: str
-
-
 class Program(AbstractContextManager["Program"]):
     """A running `kinespace`; a context manager that kills it at the end, also when it is stopped.
 
@@ -254,13 +246,6 @@ class Program(AbstractContextManager["Program"]):
                 said = self.printed.strip().removeprefix("kinespace: ")
                 raise ChildProcessError(f"kinespace {self._name}: {said or 'silent'}")
             time.sleep(_POLL)
-
-    def place(self) -> Place:
-        """Wait until `live` listens; give its addresses."""
-        # A second ZeroMQ address is the one for commands.
-        pattern = r"listening on OSC (\S+):(\d+)(?:, ZeroMQ ([^\s;,]+))?[^;]*; answering to .*?ZeroMQ ([^\s;,]+)"
-        host, port, frames, answers = self.expect(pattern).groups()
-        return Place((host, int(port)), frames or "", answers)
 
 
 Transport = Literal["osc", "zmq"]

@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from http import HTTPStatus
 from importlib import resources
 from pathlib import Path
@@ -36,6 +37,7 @@ from websockets.http11 import Request, Response
 from kinespace.library import MotionLibrary, library_file
 from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
+from kinespace.stream.teaching.commands import State, Step, as_json
 from kinespace.stream.zeromq import Endpoint, Keyring, ZmqSender
 from kinespace.stream.zeromq.messages import VERSION
 from kinespace.tools.cli.arguments import library_at
@@ -200,23 +202,22 @@ MOTIONS = "/motions.json"
 _PICTURES, _MAX_SECONDS, _MAX_CLASSES = 12, 4, 200
 
 
-class Shown:
-    """A motion of each class of a library's file, for small bodies; read again when the file changes."""
+def motions_at(path: Path) -> Mapping[str, object]:
+    """Give a motion of each class of a library's file, for small bodies: names, parents, frames (whole centimetres).
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._changed = path, (-1.0, -1.0)
-        self._motions: Mapping[str, object] = {}
+    There is none where no library can be read. The file is read again when it changes.
+    """
+    # A new example lies in a file of its own until it is quiet.
+    return _motions_since(path, _written(path), _written(library_file.beside(path, "new")))
 
-    def motions(self) -> Mapping[str, object]:
-        """Give the names, parents and frames (whole centimetres) of each class; none where no library can be read."""
-        # A new example lies in a file of its own until it is quiet.
-        changed = _written(self._path), _written(library_file.beside(self._path, "new"))
-        if changed != self._changed:
-            self._changed, self._motions = changed, {}
-            # Nothing was taught yet, or nobody wants a library.
-            with suppress(OSError, ValueError):
-                self._motions = _motions_of(library_at(self._path))
-        return self._motions
+
+# Of the two libraries that a page may have.
+@lru_cache(maxsize=2)
+def _motions_since(path: Path, *_: float) -> Mapping[str, object]:
+    # Nothing was taught yet, or nobody wants a library.
+    with suppress(OSError, ValueError):
+        return _motions_of(library_at(path))
+    return {}
 
 
 def _written(path: Path) -> float:
@@ -386,7 +387,7 @@ class PageServer(ClientServer[_Page]):
     ) -> None:
         super().__init__(subscription, gate)
         self.board = Board()
-        self._control, self._shown = control, [Shown(each) for each in libraries]
+        self._control, self._libraries = control, [*libraries]
         self._clock = time.monotonic
         #: Whether the control's classes and settings may have changed, and the question that is on its way.
         self._stale = True
@@ -421,7 +422,7 @@ class PageServer(ClientServer[_Page]):
 
     def _motions(self) -> bytes:
         """Encode a motion of each class as JSON; what was taught hides the library's."""
-        return msgspec.json.encode({name: each for shown in self._shown for name, each in shown.motions().items()})
+        return msgspec.json.encode({name: each for path in self._libraries for name, each in motions_at(path).items()})
 
     async def receive(self, connection: ServerConnection, client: _Page) -> None:
         """Take a page's drawings and commands; one that sends rubbish is closed."""
@@ -454,19 +455,15 @@ class PageServer(ClientServer[_Page]):
     async def _ask(self, command: dict[str, Any]) -> dict[str, Any]:
         """Ask the control socket; every page gets the changes."""
         if self._control is None:
-            return {"states": [_refused(_NO_CONTROL)]}
+            return {"states": [as_json(State("", Step.REFUSED, reason=_NO_CONTROL))]}
         self.board.take_command(command, self._clock())
         reply = await asyncio.to_thread(self._control, command)
         if reply is None:
-            return {"states": [_refused(_NO_REPLY)]}
+            return {"states": [as_json(State("", Step.REFUSED, reason=_NO_REPLY))]}
         states, self._stale = reply.pop("states"), False
         self.board.take_reply(reply)
         self._wake()
         return {"states": states}
-
-
-def _refused(reason: str) -> dict[str, Any]:
-    return {"performer": "", "state": "refused", "seconds": 0.0, "reason": reason}
 
 
 class _Sent(msgspec.Struct):

@@ -115,8 +115,6 @@ def shown(value: float, digits: int = 0) -> str:
 #: Gives its cost, microseconds per frame.
 Job = Callable[[], float]
 
-#: The steps of which none is recognition, in the order of the table; "python-osc" decodes the same by another library.
-_OTHERS = ("decode OSC", "decode OSC by python-osc", "decode ZeroMQ", "encode OSC", "encode ZeroMQ")
 #: Recognition (`Recognizer.push`) by its settings.
 RECOGNISING = {
     "recognise": Settings(),
@@ -145,20 +143,24 @@ _FINE = time.get_clock_info("thread_time").resolution <= 1e-6
 def measure_stages(_: float) -> Measured:
     """Time every step on recorded frames, compiled and with numpy alone: medians of rounds of four seconds of feed."""
     library, played = MotionLibrary.builtin(), positions()
-    jobs = _transports(library, played)
+    transports = _transports(library, played)
+    jobs = {**transports}
     for name, settings in RECOGNISING.items():
         jobs[name] = pushing(library, played, settings)
         jobs[name + _NUMPY] = pushing(library, played, settings, by_numpy=True)
     us = {name: float(np.median(each)) for name, each in in_turns(jobs, ROUNDS, "Stages").items()}
     figures = {name: us[step] for name, step in COSTS.items()}
-    rows = [(name, f"{us[name]:.1f}", "") for name in _OTHERS]
+    rows = [(name, f"{us[name]:.1f}", "") for name in transports]
     rows += [(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}") for name in RECOGNISING]
     table = table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
     return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [table])
 
 
 def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[str, Job]:
-    """Make jobs of decoding a frame and encoding its answer; an answer's cost is shared by the frames of its hop."""
+    """Make jobs of decoding a frame and encoding its answer; an answer's cost is shared by the frames of its hop.
+
+    "python-osc" decodes the same by another library.
+    """
     frames = list(islice(endless(positions), ROUND + WARM_UP))
     recognizer, hop = Recognizer(library), Settings().hop * FRAME_RATE
     answers = [answer for frame in frames if (answer := recognizer.push(frame))]

@@ -6,13 +6,13 @@ in its name (HDM05) or is its folder's name. A file of labels next to a take, wi
 """
 
 import argparse
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings, recordings
-from kinespace.library.naming import hdm05
+from kinespace.library.naming import hdm05, listed
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
 from kinespace.library.windows.courses import without_course
@@ -22,8 +22,8 @@ from kinespace.tools.cli.console import NameNotes, counted, progress, require_pl
 
 #: Seconds: a longer recording hardly is one motion; HDM05's longest cut clip has eight.
 _MAX_SECONDS = 15.0
-#: Damaged files that are named, at most.
-_MAX_NAMED = 10
+#: Damaged files, and other files and motions, that are named, at most.
+_MAX_NAMED, _MAX_LISTED = 10, 5
 #: Seconds of the shortest window by which motions are compared.
 _MIN_WINDOW = 0.25
 
@@ -206,7 +206,7 @@ def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str
         for path, hidden in files
     ]
     if notes:
-        yield f"{counted(len(notes), 'file')} passed over: {_listed(notes)}"
+        yield f"{counted(len(notes), 'file')} passed over: {listed(notes, _MAX_LISTED)}"
 
 
 def _remarks(libraries: Sequence[MotionLibrary], merged: MotionLibrary, uncut: Sequence[Clip]) -> Iterator[str]:
@@ -215,8 +215,8 @@ def _remarks(libraries: Sequence[MotionLibrary], merged: MotionLibrary, uncut: S
     if lost := [name for name in every if name not in merged.skeleton.joints]:
         yield f"{len(merged.skeleton.joints)} joints that all sources have; without {', '.join(lost)}"
     if short := [motion for motion in merged.motions if motion.duration < _MIN_WINDOW]:
-        listed = _listed(motion.name for motion in short)
-        yield f"{len(short)} of {counted(len(merged), 'motion')} below {_MIN_WINDOW:g} s, for playback alone: {listed}"
+        names = listed([motion.name for motion in short], _MAX_LISTED)
+        yield f"{len(short)} of {counted(len(merged), 'motion')} below {_MIN_WINDOW:g} s, for playback alone: {names}"
     if lacking := without_course(merged.motions):
         yield f"too short, or one posture, to be found done: {', '.join(lacking)}"
     if long := [clip for clip in uncut if clip.duration > _MAX_SECONDS]:
@@ -225,8 +225,3 @@ def _remarks(libraries: Sequence[MotionLibrary], merged: MotionLibrary, uncut: S
             f"{len(long)} of {counted(len(uncut), 'recording')} longer than {_MAX_SECONDS:g} s, {longest.name} "
             f"({longest.duration:.0f} s) the longest; each is taken as one motion; --labels cuts takes into motions"
         )
-
-
-def _listed(names: Iterable[str]) -> str:
-    every = list(names)
-    return f"{', '.join(every[:5])}{' ...' if len(every) > 5 else ''}"

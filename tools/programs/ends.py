@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
@@ -78,22 +79,21 @@ class Unread:
     def _look(self, survey: Survey) -> None:
         guess = survey.guess([builtin_preset(name) for name in builtin_names()])
         addresses = [kind.address for kind in survey.kinds.values()]
-        listed = ", ".join(addresses[:_MAX_NAMED]) + (" ..." if len(addresses) > _MAX_NAMED else "")
+        came = listed(addresses, _MAX_NAMED)
         if guess is None and not {*addresses}.isdisjoint(OURS):
             self._note = ""  # Our own messages: the decoder says what is wrong with them.
         elif lacking := _lacking(addresses):
-            more = " ..." if len(lacking) > _MAX_NAMED else ""
-            listed = f"{', '.join(lacking[:_MAX_NAMED])}{more}"
-            self._note = f"no frames: {listed}: the sender sends only what changes; let it send all once, or always"
+            waits = listed(lacking, _MAX_NAMED)
+            self._note = f"no frames: {waits}: the sender sends only what changes; let it send all once, or always"
         elif guess is None:
             nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
             self._note = (
-                f"no frames, but {listed or 'packets that are no OSC'}: no feed that is known. kinespace listen "
+                f"no frames, but {came or 'packets that are no OSC'}: no feed that is known. kinespace listen "
                 f"{self._place[1]} shows it (end this first), kinespace feeds {nearest} > my.toml begins a preset"
             )
         elif guess.preset.name != self._own:
             product, run = guess.preset.product.partition(" (")[0], command(guess, None, self._place)
-            self._note = f"no frames, but {listed}: this looks like {product}: end this and run: {run}"
+            self._note = f"no frames, but {came}: this looks like {product}: end this and run: {run}"
         else:
             self._note = "; ".join(advice(survey, guess, None))
 

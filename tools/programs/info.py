@@ -13,17 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from kinespace.library import (
-    Clip,
-    MotionLibrary,
-    Reading,
-    compiled,
-    distance_rows,
-    find_recordings,
-    opened,
-    read_recordings,
-)
-from kinespace.library.recordings import instead_of_recording, is_recording, labelled
+from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, opened
+from kinespace.library.recordings import find_recordings, instead_of_recording, is_recording, labelled, read_recordings
 from kinespace.library.windows.courses import without_course
 from kinespace.stream import Frame
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset

@@ -9,7 +9,7 @@ reached no program, or no answer came to --listen, 2 could not be done.
 import argparse
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from itertools import chain, count, pairwise
@@ -21,12 +21,10 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Announcement, osc, zeromq
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.zeromq import Endpoint, Keyring
-from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import NameNotes, console, counted, print_json, progress, progress_console, say
+from kinespace.tools.cli import arguments, console
 from kinespace.tools.cli.values import host_and_port, opening
-from kinespace.tools.feeding.feed import FrameSender, OscFrameSender, Pace, Piece, ZmqFrameSender, lost_at, piece_cues
-from kinespace.tools.feeding.service import Listener
-from kinespace.tools.programs.exchange import Exchange
+from kinespace.tools.feeding import feed
+from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
@@ -81,10 +79,10 @@ def run(options: argparse.Namespace) -> int:
             return replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
         recordings = recordings_in(places, reading)
         pieces = pieces_of(recordings, reading, options)
-        with progress_console.status("Reading"):
+        with console.progress_console.status("Reading"):
             first = next(pieces)
         announcement = Announcement(options.performer, first.clip.skeleton.joints)
-        played = piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
+        played = feed.piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
@@ -94,8 +92,8 @@ def run(options: argparse.Namespace) -> int:
         opened.callback(exchange.report, as_json=options.json)
         with suppress(KeyboardInterrupt):
             if not options.json:
-                console.print(announced(recordings, options))
-            exchange.play(progress(played, "Sending", None))
+                console.console.print(announced(recordings, options))
+            exchange.play(console.progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
 
@@ -111,14 +109,14 @@ def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> List
 
 def _senders(
     opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None
-) -> dict[str, FrameSender]:
+) -> dict[str, feed.FrameSender]:
     """Open a sender for each kind of packets that has an address, ZeroMQ last; wait until its peers have connected."""
-    senders: dict[str, FrameSender] = {}
+    senders: dict[str, feed.FrameSender] = {}
     if osc_to:
-        senders["osc"] = OscFrameSender(*host_and_port(osc_to), asks=True)
+        senders["osc"] = feed.OscFrameSender(*host_and_port(osc_to), asks=True)
     if zmq_to:
         with opening("--zmq"):
-            senders["zmq"] = ZmqFrameSender(zmq_to, keyring, asks=True)
+            senders["zmq"] = feed.ZmqFrameSender(zmq_to, keyring, asks=True)
         time.sleep(_MEETING)
     for sender in senders.values():
         opened.callback(sender.close)
@@ -145,7 +143,7 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
 def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) -> str:
     """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
     clips = [each for each in recordings if isinstance(each, Clip)]
-    what = counted(len(recordings), "motion" if clips else "recording")
+    what = console.counted(len(recordings), "motion" if clips else "recording")
     if len(clips) < len(recordings):
         return f"sending {what}"
     lasting = [min(each.duration, options.end or each.duration) - options.begin for each in clips]
@@ -153,10 +151,10 @@ def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) ->
     return f"sending {what}, {seconds:.0f} s{', again and again' if options.loop else ''}"
 
 
-def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace) -> Iterator[Piece]:
+def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace) -> Iterator[feed.Piece]:
     """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None
-    reader, teller = RecordingReader(reading), NameNotes()
+    reader, teller = RecordingReader(reading), console.NameNotes()
     while True:
         for recording in recordings:
             clip, segments = _read(reader, recording)
@@ -174,7 +172,7 @@ def _read(reader: RecordingReader, recording: Path | Clip) -> tuple[Clip, Sequen
     return (clip, segments) if segments else (labelled(clip, recording), ())
 
 
-def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> Iterator[Piece]:
+def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> Iterator[feed.Piece]:
     """Give the wanted part of a recording in pieces, each of one class: it is divided where labels begin and end."""
     begin = round(options.begin * clip.frame_rate)
     end = clip.frames if options.end is None else min(round(options.end * clip.frame_rate), clip.frames)
@@ -185,10 +183,10 @@ def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -
     for first, last in pairwise(sorted({begin, end, *ends})):
         label = next((label for start, stop, label in spans if start <= first < stop), "")
         piece = replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
-        yield Piece(first - begin, replace(piece, class_name=label) if segments else piece)
+        yield feed.Piece(first - begin, replace(piece, class_name=label) if segments else piece)
 
 
-def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Namespace) -> int:
+def replay(path: Path, senders: Mapping[str, feed.FrameSender], options: argparse.Namespace) -> int:
     """Send a recording's packets at the times of their arrivals.
 
     Parameters
@@ -214,10 +212,10 @@ def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Nam
         raise ValueError(f"{path}: expected --osc or --zmq, because its packets came by {' and '.join(kinds)}")
     # Ctrl-C ends the feed, not the report.
     with suppress(KeyboardInterrupt):
-        pace, last = Pace(), 0.0
+        pace, last = feed.Pace(), 0.0
         for _ in count() if options.loop else range(1):
             start = last
-            for due, packet in progress(cut(recording.packets(), options.begin, options.end), "Sending", None):
+            for due, packet in console.progress(cut(recording.packets(), options.begin, options.end), "Sending", None):
                 last, kind = start + due / options.speed, kinds[packet.source]
                 pace.wait_for(last)
                 if kind in senders:
@@ -230,15 +228,15 @@ def replay(path: Path, senders: Mapping[str, FrameSender], options: argparse.Nam
     every = sum(unheard.values())
     figures = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
     if options.json:
-        print_json({**figures, "lost_from": recording.lost_from})
+        console.print_json({**figures, "lost_from": recording.lost_from})
     else:
         left_out = f"{figures['left_out']} without an address for their kind"
-        say(f"{figures['sent']} packets sent, {failed} refused by the system, {left_out}")
+        console.say(f"{figures['sent']} packets sent, {failed} refused by the system, {left_out}")
         for place, lost in unheard.items():
             if lost:
-                say(lost_at(place, lost))
+                console.say(feed.lost_at(place, lost))
         if recording.damage():
-            say(recording.damage())
+            console.say(recording.damage())
     return 1 if every and every >= counts["sent"] else 0
 
 
@@ -261,3 +259,135 @@ def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterat
             return
         if moment >= begin:
             yield moment - begin, packet
+
+
+#: Seconds without an answer after which no more are expected.
+_LINGER = 0.3
+#: Seconds to wait after the last frame, at most.
+_MAX_LINGER = 3.0
+#: Frames after which it is said that nobody listens.
+_SOON = 30
+#: Seconds for which a feed may stand still without a note.
+_NOTICED = 0.05
+
+
+class Exchange:
+    """One feed that is sent, the answers that come meanwhile, and the report on both."""
+
+    def __init__(
+        self, sender: feed.FrameSender, listener: Listener | None, announcement: Announcement, place: str
+    ) -> None:
+        self._sender, self._place = sender, place
+        self._listener = listener
+        self._announcement = announcement
+        # OSC answers name the performer in their address, which cannot hold every character.
+        self._names = {announcement.performer, osc.address_part(announcement.performer)}
+        #: The answers while each class was performed, and those of them that were right; none has a class at moments
+        #: without a label.
+        self._answers, self._right = Counter[str](), Counter[str]()
+        self._sent = self._received = 0
+        self._stood_still = 0.0
+        self._performed = ""
+        #: The recogniser's classes, once it has listed them.
+        self._classes: list[str] = []
+
+    def play(self, cues: Iterable[feed.Cue]) -> None:
+        """Send every frame when it is due, the skeleton before the first and every second.
+
+        Each recording is read in the pause before it. When that takes longer the feed stands still, and then goes on
+        at its own pace: frames sent all at once to catch up would be no feed.
+        """
+        pace, next_announcement, recording = feed.Pace(), 0.0, 0
+        for cue in cues:
+            if cue.recording != recording:
+                recording = cue.recording
+                self._stood_still += pace.put_off(cue.due)
+            if cue.due >= next_announcement:
+                self._sender.announce(self._announcement)
+                next_announcement = cue.due + feed.ANNOUNCE_EVERY
+            packet = self._sender.encode(cue)
+            if self._listener:
+                self._take_in(self._listener.listen_until(pace.moment(cue.due)))
+            else:
+                pace.wait_for(cue.due)
+            self._sender.send(packet)
+            self._sent += 1
+            if self._sent == _SOON and self.reached_nobody:
+                console.note(f"no program listens at {self._place} so far; start kinespace live there")
+            self._performed = cue.class_name
+        end = time.perf_counter() + _MAX_LINGER
+        while self._listener and time.perf_counter() < end:
+            if not self._take_in(self._listener.listen_until(time.perf_counter() + _LINGER)):
+                break
+
+    def _take_in(self, received: Sequence[Received]) -> bool:
+        """Count the answers that came; say whether one about our performer was among them."""
+        self._received += len(received)
+        before = self._answers.total()
+        for each in received:
+            self._classes = classes_in(each.packet) or self._classes
+            answer = answer_in(each.packet)
+            if answer and answer.performer in self._names:
+                self._answers[self._performed] += 1
+                self._right[self._performed] += self._performed == answer.label
+        return self._answers.total() > before
+
+    @property
+    def answered(self) -> bool:
+        """Whether any answer came."""
+        return bool(self._answers)
+
+    @property
+    def reached_nobody(self) -> bool:
+        """Whether it is known that no frame reached a program."""
+        return bool(self._sent) and self._sender.unheard >= self._sent
+
+    def _lacking(self) -> list[str]:
+        """List the classes performed that the library lacks; none before the recogniser has listed its own."""
+        return sorted({*self._answers} - {"", *self._classes}) if self._classes else []
+
+    def _silence(self) -> str:
+        """Say that no answer came, and list checks."""
+        if self._received:
+            other = f"{self._received} other packets: do frames reach the recogniser, and can it use their joints?"
+            return f"no answers about {self._announcement.performer!r} came, but {other}"
+        if self.reached_nobody:
+            return "no answers came"
+        return "no answers came: is a recogniser running, and does it send its answers here?"
+
+    def report(self, *, as_json: bool) -> None:
+        """Print the counts and, when listening, the share of right answers."""
+        by_class = {name: count for name, count in sorted(self._answers.items()) if name}
+        every, unlabelled, right = sum(by_class.values()), self._answers[""], self._right.total()
+        if as_json:
+            figures = {
+                "sent": self._sent,
+                "failed": self._sender.failed,
+                "unheard": self._sender.unheard,
+                "answers": every,
+                "unlabelled": unlabelled,
+                "lacking": self._lacking(),
+                "right": round(right / every, 4) if every else None,
+            }
+            console.print_json(figures)
+            return
+        console.console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
+        if self._stood_still > _NOTICED:
+            console.console.print(
+                f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read"
+            )
+        if self._sender.unheard:
+            console.say(feed.lost_at(self._place, self._sender.unheard))
+        if self._listener and not self._answers:
+            console.say(self._silence())
+        elif self._listener:
+            rows = [(name, f"{count}", f"{self._right[name] / count:.0%}") for name, count in by_class.items()]
+            rows.append(("all", f"{every}", f"{right / every:.0%}" if every else ""))
+            rows += [("unlabelled", f"{unlabelled}", "")] if unlabelled else []
+            title = "Answers while each class was performed"
+            console.console.print(console.table_of(title, ("performed", "answers", "right"), rows))
+            if lacking := self._lacking():
+                share = sum(by_class[name] for name in lacking) / every
+                console.say(
+                    f"the library lacks {', '.join(lacking)}: {share:.0%} of the labelled time, and no answer is right"
+                )

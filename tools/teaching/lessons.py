@@ -406,8 +406,8 @@ def open_lessons(
     return lessons
 
 
-def open_taught(taught: MotionLibrary, without: Collection[str] = ()) -> WindowIndex:
-    """Open taught motions alone, as a file of them is opened without a library.
+def open_taught(taught: MotionLibrary, without: Collection[str] = (), beside: WindowIndex | None = None) -> WindowIndex:
+    """Open taught motions alone, as a file of them is opened without a library; or beside other windows.
 
     Parameters
     ----------
@@ -415,14 +415,16 @@ def open_taught(taught: MotionLibrary, without: Collection[str] = ()) -> WindowI
         The examples.
     without
         Persons of the built-in library whose motions teach no metric: for measuring, with motions of theirs.
+    beside
+        What is known, too; its metrics compare.
 
     Raises
     ------
     ValueError
         No motion is long enough for a window.
     """
-    base = _base(None, taught, (), without)
-    index = TaughtWindows(base, with_base=False).index_of(_roster_of(taught, base))
+    base = beside or _base(None, taught, (), without)
+    index = TaughtWindows(base, with_base=beside is not None).index_of(_roster_of(taught, base))
     if index is None:
         raise ValueError("taught: expected a motion that is long enough for a window, got none")
     return index

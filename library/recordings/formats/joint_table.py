@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import MAX_DISTANCE, Clip, as_numbers, is_near
+from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
@@ -456,7 +457,7 @@ def _read(path: Path) -> _Table:
     if not table.is_wide:
         table = _turned(path, table)
     if others := table.header.others:
-        table.notes.append(f"no positions: {', '.join(others[:5])}{' ...' if len(others) > 5 else ''}: left out")
+        table.notes.append(f"no positions: {listed(others, 5)}: left out")
     if table.short:
         few = f"frames: {table.short} have fewer than {table.needed} fields: the joints in the others are not seen"
         table.notes.append(few)

@@ -13,6 +13,9 @@ from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.units import WORDS
 from kinespace.library.skeleton import Skeleton
 
+#: Shape (frames,), seconds or in a file's unit; and shape (frames, joints, 3), metres or in a file's unit.
+Times = NDArray[np.float64]
+Positions = NDArray[np.float64]
 #: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
 MAX_GAP = 0.5
 #: Rates that senders usually have; a feed that comes almost as often is taken to have such a rate.
@@ -59,7 +62,7 @@ class Evened(NamedTuple):
         Times between which no frame came for longer than straight lines may last, seconds from the grid's beginning.
     """
 
-    positions: NDArray[np.float64]
+    positions: Positions
     rate: float
     missing: int
     gaps: tuple[tuple[float, float], ...]
@@ -69,9 +72,7 @@ class Evened(NamedTuple):
         return Clip(skeleton, self.positions, self.rate, filled=self.missing * len(skeleton.joints), gaps=self.gaps)
 
 
-def evened(
-    times: NDArray[np.float64], positions: NDArray[np.float64], *, rate: float | None = None, begin: float | None = None
-) -> Evened:
+def evened(times: Times, positions: Positions, *, rate: float | None = None, begin: float | None = None) -> Evened:
     """Put frames on an even grid: straight lines between two frames, standing still where no frame came for long.
 
     Parameters
@@ -126,7 +127,7 @@ def _unit_in(name: str) -> float | None:
     return next((SECONDS[word] for word in words_of(name) if word in SECONDS), None)
 
 
-def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = None) -> tuple[NDArray[np.float64], str]:
+def seconds_of(moments: Times, name: str, rate: float | None = None) -> tuple[Times, str]:
     """Read a column of times by the unit in its name, or else by the steps of its numbers.
 
     Parameters
@@ -162,7 +163,7 @@ def seconds_of(moments: NDArray[np.float64], name: str, rate: float | None = Non
     return np.arange(len(since)) / assumed, remark
 
 
-def clock_of(columns: Mapping[str, NDArray[np.float64]]) -> tuple[str, NDArray[np.float64] | None]:
+def clock_of(columns: Mapping[str, Times]) -> tuple[str, Times | None]:
     """Give the column of times that goes on, by its name; of two columns that count seconds and their parts the sum."""
     for name, coarse in columns.items():
         rises, whole = np.diff(coarse) > 0, _unit_in(name) or 1.0
@@ -181,7 +182,7 @@ def clock_of(columns: Mapping[str, NDArray[np.float64]]) -> tuple[str, NDArray[n
     return next(((name, columns[name]) for name in goes if goes[name] >= _GOES * max(goes.values())), ("", None))
 
 
-def are_shuffled(moments: NDArray[np.float64]) -> bool:
+def are_shuffled(moments: Times) -> bool:
     """Say whether frames stand in another order than their times: some a few frames too late, or all backwards."""
     steps = np.diff(moments)
     back = steps[steps < 0]
@@ -189,8 +190,8 @@ def are_shuffled(moments: NDArray[np.float64]) -> bool:
 
 
 def timing(
-    moments: NDArray[np.float64] | None, name: str, said: float, given: float | None, notes: list[str]
-) -> tuple[NDArray[np.float64] | None, float | None]:
+    moments: Times | None, name: str, said: float, given: float | None, notes: list[str]
+) -> tuple[Times | None, float | None]:
     """Give the seconds of a file's frames, and their rate where it is known otherwise.
 
     Parameters
@@ -225,9 +226,7 @@ def timing(
     return seconds, given
 
 
-def _in_order(
-    moments: NDArray[np.float64], name: str, known: float | None, notes: list[str]
-) -> NDArray[np.float64] | float:
+def _in_order(moments: Times, name: str, known: float | None, notes: list[str]) -> Times | float:
     """Give times that do not fall; or the rate of frames, where the times are too coarse or mean nothing."""
     steps = np.diff(moments)
     falls, rises, stands = steps < 0, np.flatnonzero(steps > 0), 2 * (steps == 0).sum() > len(steps)
@@ -247,7 +246,7 @@ def _in_order(
     return moments
 
 
-def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float | None = None) -> Evened:
+def laid(times: Times, positions: Positions, rate: float | None = None) -> Evened:
     """Take a file's frames as they stand where their times are even but for rounding; else put them on a grid.
 
     Parameters and errors are those of `evened`.
@@ -265,7 +264,7 @@ def laid(times: NDArray[np.float64], positions: NDArray[np.float64], rate: float
     return evened(times, positions, rate=rate)
 
 
-def _is_rounded(times: NDArray[np.float64], place: int) -> bool:
+def _is_rounded(times: Times, place: int) -> bool:
     scaled = times * 10.0**place
     # Seconds since 1970 are exact to a quarter of a microsecond.
     return bool(np.abs(scaled - np.round(scaled)).max() < 1e-3 + 5e-7 * 10**place)
@@ -276,7 +275,7 @@ def _whole(rate: float, slack: float) -> float:
     return float(round(rate)) if round(rate) and abs(round(rate) / rate - 1) <= slack else rate
 
 
-def _gaps(times: NDArray[np.float64], begin: float) -> Iterator[tuple[float, float]]:
+def _gaps(times: Times, begin: float) -> Iterator[tuple[float, float]]:
     if times[0] - begin > MAX_GAP:
         yield 0.0, float(times[0]) - begin
     for place in np.flatnonzero(np.diff(times) > MAX_GAP).tolist():
@@ -284,8 +283,8 @@ def _gaps(times: NDArray[np.float64], begin: float) -> Iterator[tuple[float, flo
 
 
 def _between(
-    positions: NDArray[np.float64], before: NDArray[np.intp], after: NDArray[np.intp], share: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    positions: Positions, before: NDArray[np.intp], after: NDArray[np.intp], share: NDArray[np.float64]
+) -> Positions:
     """Weigh two frames; at a frame's own time the frame itself is given, even if its neighbour lacks joints."""
     weighed = positions[before]
     moved = np.flatnonzero(share > 0)
@@ -297,14 +296,14 @@ def _between(
     return weighed
 
 
-def _pace(times: NDArray[np.float64]) -> float:
+def _pace(times: Times) -> float:
     """Give the mean rate of the frames that follow closely: more exact than the median, which rounding spoils."""
     steps = np.diff(times)
     steps = steps[steps > 0]
     return 1 / float(steps[steps < 2 * np.median(steps)].mean())
 
 
-def _usual_rate(times: NDArray[np.float64]) -> float:
+def _usual_rate(times: Times) -> float:
     """Give how often frames came: the mean of close frames, or the usual rate that lies near."""
     mean = _pace(times)
     nearest = float(_USUAL[np.abs(_USUAL / mean - 1).argmin()])

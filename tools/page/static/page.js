@@ -447,33 +447,33 @@ function beep(pitch, seconds) {
   tone.stop(audio.currentTime + seconds);
 }
 
+/** Open a dialog; `answered` gets the value of the button that closes it, empty where none has one. */
+function openDialog(id, answered) {
+  const dialog = byId(id);
+  dialog.returnValue = "";
+  dialog.onclose = () => answered(dialog.returnValue);
+  dialog.showModal();
+}
+
 function openClass(name) {
-  const dialog = byId("class");
   byId("class-title").textContent = titleOf(name);
   byId("answers").hidden = !teaches();
   byId("enabled").checked = !page.control?.off.includes(name);
   byId("enabled").onchange = ({ target }) => ask({ do: "enable", class: name, on: target.checked });
   byId("own").hidden = !(name in (page.control?.taught ?? {}));
   byId("rename").value = name;
-  dialog.returnValue = "";
-  dialog.onclose = () => {
-    if (dialog.returnValue === "rename") ask({ do: "rename", class: name, to: byId("rename").value.trim() });
-    if (dialog.returnValue === "forget") ask({ do: "forget", class: name });
+  openDialog("class", (answer) => {
+    if (answer === "rename") ask({ do: "rename", class: name, to: byId("rename").value.trim() });
+    if (answer === "forget") ask({ do: "forget", class: name });
     focusClass(name);
-  };
-  dialog.showModal();
+  });
 }
 
 function openWrong(performer, motion) {
   if (!teaches() || motion.end === null || motion.mark === "taught") return;
-  const dialog = byId("wrong");
   byId("wrong-title").textContent = `${titleOf(motion.className)}, ${number(motion.end - motion.begin, 1)} s`;
   byId("meant").replaceChildren(...["nothing", ...page.classes.filter((name) => name !== motion.className)].map((name) => new Option(titleOf(name), name)));
-  dialog.returnValue = "";
-  dialog.onclose = () => {
-    if (dialog.returnValue) correct(performer, motion, byId("meant").value);
-  };
-  dialog.showModal();
+  openDialog("wrong", (answer) => { if (answer) correct(performer, motion, byId("meant").value); });
 }
 
 /** Teach that a bar was another class. A motion is named some time after it began: its bar begins with the guess that led to it. */

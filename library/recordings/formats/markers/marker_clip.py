@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
-from kinespace.library.naming import hdm05
+from kinespace.library.naming import hdm05, listed
 from kinespace.library.recordings.formats.joint_choice import chosen, people_in, short_names
-from kinespace.library.recordings.formats.timed_frames import MAX_GAP, Evened, laid
+from kinespace.library.recordings.formats.timed_frames import MAX_GAP, Evened, Positions, Times, laid
 from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
@@ -29,11 +29,11 @@ _MAX_LISTED = 8
 def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     path: Path,
     labels: Sequence[str],
-    positions: NDArray[np.float64],
+    positions: Positions,
     frame_rate: float | None,
     joints: Sequence[str],
     *,
-    times: NDArray[np.float64] | None = None,
+    times: Times | None = None,
     metres: float | None = 1.0,
     notes: Sequence[str] = (),
 ) -> list[Clip]:
@@ -79,7 +79,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     clips, people = list[Clip](), people_in([labels[index] for index in kept])
     theirs = {place for own in people.values() for place in own}
     if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
-        aside.append(f"left out: no performer's: {', '.join(things[:5])}{' ...' if len(things) > 5 else ''}")
+        aside.append(f"left out: no performer's: {listed(things, 5)}")
     several = people.items() if len(people) > 1 else ()
     unseen = [person for person, own in several if not is_seen(positions[:, [kept[each] for each in own]])]
     if 0 < len(unseen) < len(people):
@@ -95,7 +95,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     return clips
 
 
-def is_seen(positions: NDArray[np.float64]) -> bool:
+def is_seen(positions: Positions) -> bool:
     """Say whether there is a person: two markers or more are seen at some time; positions as for `clips_of_markers`."""
     return bool(np.isfinite(_seen(positions)[:, :, 0]).any(axis=0).sum() > 1)
 
@@ -121,7 +121,7 @@ def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
     )
 
 
-def _seen(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _seen(positions: Positions) -> Positions:
     """Put NaN where a position stands for a marker that was not seen; gives a copy.
 
     Such are positions of one whole number thrice (0 0 0, -1 -1 -1), and a place far away that is taken again and again.
@@ -143,7 +143,7 @@ def _seen(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return found
 
 
-def _from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _from_middle(positions: Positions) -> tuple[NDArray[np.float64], float]:
     """Give how far each joint is from its frame's middle joint, (frames, joints), and how far half of them are."""
     seen = np.isfinite(positions[:, :, 0])
     middle = np.full((len(positions), 3), np.nan)
@@ -152,7 +152,7 @@ def _from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], f
     return away, float(np.median(away[seen])) if seen.any() else 0.0
 
 
-def _is_around_origin(positions: NDArray[np.float64]) -> bool:
+def _is_around_origin(positions: Positions) -> bool:
     """Say whether the middle of the joints is near the origin in every frame."""
     _, radius = _from_middle(positions)
     middle = np.linalg.norm(np.nanmedian(positions, axis=1), axis=1)
@@ -175,9 +175,7 @@ def _absences(missing: NDArray[np.bool_], longest: float) -> tuple[list[tuple[in
     return absent, lost
 
 
-def _filled(
-    positions: NDArray[np.float64], missing: NDArray[np.bool_], absent: Sequence[tuple[int, int]]
-) -> NDArray[np.float64]:
+def _filled(positions: Positions, missing: NDArray[np.bool_], absent: Sequence[tuple[int, int]]) -> Positions:
     """Put straight lines where single markers are missing, and let the body rest where it is absent."""
     filled, frames = positions.copy(), np.arange(len(positions))
     for joint in np.flatnonzero(missing.any(axis=0)).tolist():
@@ -189,7 +187,7 @@ def _filled(
     return filled
 
 
-def _holds_together(positions: NDArray[np.float64]) -> bool:
+def _holds_together(positions: Positions) -> bool:
     """Say whether two of some joints keep their distance, in some frames."""
     some = positions[:: 1 + len(positions) // 32, :40]
     apart = np.linalg.norm(some[:, :, None] - some[:, None], axis=3)

@@ -12,12 +12,13 @@ import pytest
 from programs import small_library
 from recorded import write_clips, write_take
 
-from kinespace.library import MotionLibrary, Reading
+from kinespace.library import MotionLibrary, Reading, WindowIndex
 from kinespace.library.recordings import ActorIn
-from kinespace.stream import Settings
+from kinespace.stream import Recognition, Settings
 from kinespace.tools.cli.main import main
+from kinespace.tools.evaluation import evaluate_peers, harness
 from kinespace.tools.evaluation.evaluate_stream import course
-from kinespace.tools.evaluation.harness import Sources, read_takes
+from kinespace.tools.evaluation.harness import Feed, Sources, read_takes
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 

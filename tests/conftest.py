@@ -17,6 +17,7 @@ from refused import refuse
 from synthetic import stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_recordings, opened, read_recordings
+from kinespace.library.windows import remembered
 from kinespace.stream.osc import OscReceiver
 from kinespace.tools.camera import models
 from kinespace.tools.camera.bodies import require_extra
@@ -37,6 +38,10 @@ if os.access(_MEMORY, os.W_OK) and shutil.disk_usage(_MEMORY).free > 2e9:
 for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(signal, "SIGHUP", 0), signal.SIG_DFL)):
     if _number and signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
+
+# Tests ask for the built-in library by more sets of joints than a person's performers have: the next run need not open
+# them again.
+remembered._KEPT = 60  # noqa: SLF001
 
 # No test asks a network; the programs that tests start read `sitecustomize.py` as they start.
 refuse()

@@ -6,6 +6,7 @@ Nothing here calls the product. Everything is computed from all rows of a window
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,7 +171,7 @@ class NaiveMetric:
 
     def place(self, numbers: Matrix) -> Matrix:
         """Move to the origin and look along each axis."""
-        return np.array([float((numbers - self.origin) @ axis) for axis in self.axes.T])
+        return (numbers - self.origin) @ self.axes
 
 
 @dataclass(frozen=True)
@@ -272,13 +273,19 @@ def ratio(one: Sequence[float], other: Sequence[float]) -> float:
     """
     total = 0.0
     for place, both in enumerate(zip(one, other, strict=True), start=1):
-        whole = 0.05 / math.sqrt(place)
-        shared = whole - min(1 / 128, 0.8 * whole)
         pair = np.array(both)
-        same, apart = np.array([[whole, shared], [shared, whole]]), np.diag([whole, whole])
-        for sign, covariance in ((1, same), (-1, apart)):
-            total -= sign * float(pair @ np.linalg.inv(covariance) @ pair + math.log(np.linalg.det(covariance))) / 2
+        for sign, (inverse, log_volume) in zip((1, -1), _laws(place), strict=True):
+            total -= sign * float(pair @ inverse @ pair + log_volume) / 2
     return total
+
+
+@cache
+def _laws(place: int) -> list[tuple[Matrix, float]]:
+    """Give for an axis, counted from 1, the inverse and the log determinant of both covariances: same, and any two."""
+    whole = 0.05 / math.sqrt(place)
+    shared = whole - min(1 / 128, 0.8 * whole)
+    same, apart = np.array([[whole, shared], [shared, whole]]), np.diag([whole, whole])
+    return [(np.linalg.inv(each), math.log(np.linalg.det(each))) for each in (same, apart)]
 
 
 def unlikely(one: Matrix, windows: Matrix, names: Sequence[str]) -> dict[str, float]:

@@ -153,7 +153,8 @@ def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) ->
     assert rejection is builtin_index.rejection
     assert (rejection.offset, rejection.typical.tolist()) == (kept.offset, kept.typical.tolist())
     assert np.array_equal(rejection.weights, kept.weights)
-    some, most = builtin_index.of_some(range(0, 288, 9)), judging.most_of_few(learned)
+    # Opened alone: what is derived from the built-in library is opened by its whole.
+    some, most = WindowIndex.of(builtin_index.of_some(range(0, 288, 9)).library), judging.most_of_few(learned)
     few = Rejection.of_kept(learned, 5, few=True)
     for joints, expected in ((most + 1, kept), (most, few)):
         view = by_joints(some, builtin_index.library.skeleton.joints[-joints:])

@@ -226,7 +226,7 @@ def any_index(request: pytest.FixtureRequest, arithmetic: str) -> WindowIndex:  
     steps=st.lists(LEAPS, min_size=20, max_size=60),
     signature=st.sampled_from(LiveSignature),
 )
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_nothing_that_is_a_frame_stops_it(
     any_index: WindowIndex, positions: list[list[float]], steps: list[float], signature: LiveSignature
 ) -> None:

@@ -130,9 +130,10 @@ def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed:
     recognizer, buffer, answers, scores = Recognizer(small_library), np.empty((31, 3)), [], []
     for frame in feed:
         buffer[:] = frame.positions
-        answers += pushed(recognizer, [replace(frame, positions=buffer)])
+        newest = pushed(recognizer, [replace(frame, positions=buffer)])
         assert np.array_equal(buffer, frame.positions)
-        scores = [answer.scores.copy() for answer in answers]
+        answers += newest
+        scores += [answer.scores.copy() for answer in newest]
         buffer[:] = 1e6
     assert_same(answers, expected)
     assert all(np.array_equal(answer.scores, before) for answer, before in zip(answers, scores, strict=True))

@@ -34,13 +34,15 @@ _FAULTS = ctypes.CDLL(None).faults
 _FAULTS.argtypes = ctypes.c_char_p, ctypes.c_long, ctypes.c_long
 _ALWAYS = 1 << 40
 _MOTION = MotionLibrary.builtin().motions[0]
-#: Seconds in which something that is tried every few milliseconds has surely been tried.
+#: As little as is written as a motion.
+_SHORT = _MOTION.moved_to(_MOTION.positions[:30])
+#: Seconds in which something that is tried twenty times a second has surely been tried.
 _A_MOMENT = 0.3
 _PACKETS, _NOTES = 20, 10
 
 
 def _two() -> MotionLibrary:
-    motions = [replace(_MOTION, class_name=name, take=f"{n:04d}") for n, name in enumerate(("bow", "wave"), start=1)]
+    motions = [replace(_SHORT, class_name=name, take=f"{n:04d}") for n, name in enumerate(("bow", "wave"), start=1)]
     return MotionLibrary.of_clips(motions)
 
 
@@ -51,7 +53,7 @@ def teaching(folder: Path) -> Iterator[str]:
     yield ""
     with suppress(OSError):
         file = roster_file.RosterFile(path)
-        roster = Roster.of_library(_two()).with_example(Example(3, "kick", _MOTION, 0.0, _MOTION.duration))
+        roster = Roster.of_library(_two()).with_example(Example(3, "kick", _SHORT, 0.0, _SHORT.duration))
         for newest in (roster, roster.renamed("kick", "jump")):
             file.save(newest)
             until = time.monotonic() + _A_MOMENT
@@ -71,7 +73,7 @@ def teaching(folder: Path) -> Iterator[str]:
 
 def building(folder: Path) -> Iterator[str]:
     """Write a library over another one: the old or the new one is there, and nothing else."""
-    path, other = folder / "mine.npz", MotionLibrary.of_clips([replace(_MOTION, class_name="new")])
+    path, other = folder / "mine.npz", MotionLibrary.of_clips([replace(_SHORT, class_name="new")])
     _two().save(path)
     yield ""
     failed = False
@@ -180,7 +182,7 @@ def _tried(work: Work, first: int, last: int) -> tuple[int, list[str]]:
 
 def _main() -> None:
     """Do every work with each of its calls failing."""
-    roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.01, 0.0, 0.005, 0.02  # noqa: SLF001
+    roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.05, 0.0, 0.005, 0.02  # noqa: SLF001
     found = {}
     for work in (teaching, building, labelling, recording, keys, cache, midi):
         # First without a fault: so many calls there are. Threads may make a few more.

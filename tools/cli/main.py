@@ -111,13 +111,6 @@ def _size(text: str) -> int:
 class _Parser(argparse.ArgumentParser):
     """A parser that imports its program when it parses, and says a mistake in one line, with what was perhaps meant.
 
-    It is made only then, too: one of twenty programs runs, and argparse takes milliseconds for the others.
-
-    Parameters
-    ----------
-    options
-        As argparse takes them.
-
     Attributes
     ----------
     module
@@ -125,17 +118,6 @@ class _Parser(argparse.ArgumentParser):
     """
 
     module = ""
-
-    def __init__(self, **options: Any) -> None:  # noqa: ANN401 - argparse's own
-        self._options = options
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - anything that argparse keeps
-        """Make it as argparse does when argparse first asks for what it keeps."""
-        options = self.__dict__.pop("_options", None)
-        if options is None:
-            raise AttributeError(name)
-        super().__init__(**options)
-        return getattr(self, name)
 
     def error(self, message: str) -> NoReturn:
         """End with status 2 and the mistake."""
@@ -158,9 +140,9 @@ class _Parser(argparse.ArgumentParser):
         if self.module:
             program = import_module(f"kinespace.tools.{self.module}")
             self.module = ""
+            self.description = (program.__doc__ or "").partition("\n\n")[2]
             program.add_arguments(self)
             self.set_defaults(run=program.run)
-            self.description = (program.__doc__ or "").partition("\n\n")[2]
 
 
 class _Version(argparse.Action):

@@ -235,7 +235,5 @@ class WindowIndex:
             motions = np.concatenate([motions, np.array(new)[measured.motions]])
         # Windows of motions that are gone come first.
         order = motions.argsort(kind="stable")[np.count_nonzero(motions < 0) :]
-        index = replace(self, library=library, base=self.base or self, every=every, whole=None)
-        index.vectors, index.eigenvectors = tuple(each[order] for each in vectors), eigenvectors[order]
-        index.motions = motions[order]
-        return index
+        index = replace(self, library=library, base=self.base or self, every=every, whole=None, motions=motions[order])
+        return replace(index, vectors=tuple(each[order] for each in vectors), eigenvectors=eigenvectors[order])

@@ -570,6 +570,8 @@ class Teacher:
             return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
+        # Behind a lesson nobody means what was named before it.
+        self.named.forget(performer)
         if isinstance(asked, commands.Hold):
             self.lesson = HeldLesson(asked, performer, self._memories[performer].newest)
             return [State(performer, Step.RECORDING)]

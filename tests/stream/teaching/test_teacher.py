@@ -400,6 +400,16 @@ def test_without_a_named_motion_nothing_is_taken() -> None:
     assert stage.teacher.roster.examples == ()
 
 
+def test_what_was_named_before_a_lesson_is_not_meant_behind_it() -> None:
+    """The page then shows the lesson's own motion, and asks about none."""
+    stage = Stage()
+    _performed(stage)
+    stage.ask(commands.Hold("ann", "wave", on=True))
+    stage.ask(commands.Cancel())
+    stage.ask(commands.Right("ann"))
+    assert stage.reason() == "no motion was named"
+
+
 def test_a_person_speaks_of_the_motion_that_there_was_time_to_see() -> None:
     """A motion that has begun just now is not meant; nor is the time of the motion before part of a motion."""
     named = NamedMotions()

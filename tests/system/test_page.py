@@ -297,11 +297,11 @@ def moves_at_will(page: Page, performer: Performer) -> None:
 
 
 def teaches_the_past(page: Page) -> None:
-    """Drag over the last motion on the timeline, and name it."""
+    """Drag over the last kick on the timeline, and name it."""
     box = page.locator("#timeline").bounding_box()
     from_x, to_x = page.evaluate(
         "[LAST.begin - 0.7, LAST.end].map((at) => SCALE.left + (at - nowThere() + SHOWN) / SCALE.seconds)".replace(
-            "LAST", f"[...{MOTIONS}].findLast((each) => each.end !== null)"
+            "LAST", f"[...{MOTIONS}].findLast((each) => each.className === '{KICK}' && each.end !== null)"
         ).replace("SCALE", "scaleOf(timeline)")
     )
     page.mouse.move(box["x"] + from_x, box["y"] + 12)

@@ -295,8 +295,8 @@ const focusClass = (name) => page.rows.find((each) => each.name === name)?.row.f
 function listMotions() {
   const performer = page.performers.get(page.chosen);
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
-  // What was taught, or judged to be right, is not asked about again.
-  const last = motions[0]?.mark === "taught" ? null : motions[0];
+  // Nobody is asked whether an example is right.
+  const last = motions.find((motion) => motion.mark !== "taught");
   byId("last").textContent = last ? `was ${titleOf(last.className)} right?` : "no motion yet";
   for (const button of document.querySelectorAll("[data-judge]")) button.disabled = !last;
   byId("motions").replaceChildren(...motions.map((motion) => {

@@ -17,7 +17,6 @@ from refused import refuse
 from synthetic import stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled, find_recordings, opened, read_recordings
-from kinespace.library.windows import remembered
 from kinespace.stream.osc import OscReceiver
 from kinespace.tools.camera import models
 from kinespace.tools.camera.bodies import require_extra
@@ -39,10 +38,6 @@ for _number, _usual in ((signal.SIGINT, signal.default_int_handler), (getattr(si
     if _number and signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
 
-# Tests ask for the built-in library by more sets of joints than a person's performers have: the next run need not open
-# them again.
-remembered._KEPT = 60  # noqa: SLF001
-
 # No test asks a network; the programs that tests start read `sitecustomize.py` as they start.
 refuse()
 _REFUSING = str(Path(__file__).parent / "support" / "network")
@@ -53,6 +48,11 @@ if _REFUSING not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
 COMPLETE = "KINESPACE_COMPLETE"
 #: Why tests of the compiled functions skip.
 _NOT_COMPILED = "no compiled functions here: gcc or clang and Python's headers make them"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the visits to the page: they take a minute, and the other processes would wait for them at the end."""
+    items.sort(key=lambda item: "test_page.py" not in item.nodeid)
 
 
 def _without(reason: str, what: str) -> NoReturn:

@@ -8,7 +8,7 @@ phase, and the median of these is the phase on which they agree.
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,6 @@ SWING_SECONDS = 1.0
 #: A class is cyclic when its recordings end this near to their beginning, relative to the farthest point between, and
 #: in this direction (the cosine).
 _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
-#: Classes whose numbers are kept.
-_CLASSES = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,16 +100,22 @@ class PhaseTable:
         for clip in motions:
             if clip.duration >= 2 * VELOCITY_SECONDS:
                 performed.setdefault(clip.class_name, []).append(clip)
-        found = {name: _keyframes(tuple(clips), body, basis) for name, clips in performed.items()}
+        before, found = _KNOWN.get(basis, {}), dict[str, Keyframes]()
+        for name, clips in performed.items():
+            found[name] = before.get(tuple(clips)) or _keyframes(tuple(clips), body, basis)
+        _KNOWN[basis] = {each.clips: each for each in found.values()}
         several = [each.moving for each in found.values()]
         whitening = _telling(several, _whitening(several, 2 * basis.directions.shape[1]))
         vectors = {name: (each.moving @ whitening).astype(np.float32) for name, each in found.items()}
         return cls({name: replace(each, vectors=vectors[name]) for name, each in found.items()}, whitening, basis)
 
 
-@lru_cache(maxsize=_CLASSES)
+#: What the last table in a basis was made of: where another class is taught, the others need not be followed again.
+_KNOWN = WeakKeyDictionary[Basis, dict[tuple[Clip, ...], Keyframes]]()
+
+
 def _keyframes(clips: tuple[Clip, ...], body: Body, basis: Basis) -> Keyframes:
-    """Find the moments of a class, without vectors; once, also where another class is taught and this one stays."""
+    """Find the moments of a class, without vectors."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving, half = [with_velocity(each) for each in points], basis.directions.shape[1]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0

@@ -52,14 +52,14 @@ typedef struct {
 static int take(Arrays *arrays, PyObject *const *objects, const int *dimensions, int count, int indices, int written) {
     for (; arrays->count < count; arrays->count++) {
         const int bit = 1 << arrays->count, wanted = dimensions[arrays->count];
-        const char *format = indices & bit ? "lqn" : "d";
+        const char *format = indices & bit ? "lqn" : "d", *const of[] = {"1 or 2", "1", "2"};
         Py_buffer *view = &arrays->views[arrays->count];
         if (PyObject_GetBuffer(objects[arrays->count], view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (written & bit ? PyBUF_WRITABLE : 0)) < 0) {
             return 0;
         }
         if ((wanted ? view->ndim != wanted : view->ndim < 1 || view->ndim > 2) || strlen(view->format) != 1 ||
             strchr(format, view->format[0]) == NULL) {
-            PyErr_Format(PyExc_ValueError, "expected %d dimensions of %s, got %d of %s", wanted, format, view->ndim, view->format);
+            PyErr_Format(PyExc_ValueError, "expected %s dimensions of %s, got %d of %s", of[wanted], format, view->ndim, view->format);
             PyBuffer_Release(view);
             return 0;
         }

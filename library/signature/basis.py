@@ -15,7 +15,7 @@ MAX_DIRECTIONS = 32
 _RIGID = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
 class Basis:
     """Directions of distance space in which motions vary most, when every moving pair weighs alike.
 

@@ -207,7 +207,10 @@ class WindowIndex:
         SkeletonMismatchError
             A clip has other joints than the library.
         """
-        index = self.of_library(self.library.with_motions(clips), every)
+        added = list(clips)
+        if not added:
+            raise ValueError("motions: expected at least one, got none")
+        index = self.of_library(self.library.with_motions(added), every)
         index.rejection = self.rejection
         return index
 
@@ -222,10 +225,13 @@ class WindowIndex:
     def of_library(self, library: MotionLibrary, every: float | None = None) -> WindowIndex:
         """Give the windows of a library's motions: those of motions that are here are kept, the others are cut."""
         every = every or self.every or every_in(library)
-        places = {id(motion): place for place, motion in enumerate(library.motions)}
-        now = np.array([places.pop(id(motion), -1) for motion in self.library.motions], dtype=np.intp)
+        places = dict[int, list[int]]()
+        for place, motion in enumerate(library.motions):
+            places.setdefault(id(motion), []).append(place)
+        kept = (places.get(id(motion)) or [-1] for motion in self.library.motions)
+        now = np.array([each.pop(0) for each in kept], dtype=np.intp)
         vectors, eigenvectors, motions = self.vectors, self.eigenvectors, now[self.motions]
-        if new := [*places.values()]:
+        if new := sorted(place for each in places.values() for place in each):
             added = replace(library, motions=tuple(library.motions[place] for place in new))
             measured = Measured.of(added, every, self.comparison.weighing.first)
             windows = measured.cut(self.comparison.weighing, self.body, self.basis)
@@ -235,5 +241,7 @@ class WindowIndex:
             motions = np.concatenate([motions, np.array(new)[measured.motions]])
         # Windows of motions that are gone come first.
         order = motions.argsort(kind="stable")[np.count_nonzero(motions < 0) :]
-        index = replace(self, library=library, base=self.base or self, every=every, whole=None, motions=motions[order])
+        # A view cuts what its base does not have, all at the same distance.
+        base = self.base if self.base and every == self.every else self
+        index = replace(self, library=library, base=base, every=every, whole=None, motions=motions[order])
         return replace(index, vectors=tuple(each[order] for each in vectors), eigenvectors=eigenvectors[order])

@@ -570,8 +570,6 @@ class Teacher:
             return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
-        # Behind a lesson nobody means what was named before it.
-        self.named.forget(performer)
         if isinstance(asked, commands.Hold):
             self.lesson = HeldLesson(asked, performer, self._memories[performer].newest)
             return [State(performer, Step.RECORDING)]
@@ -589,9 +587,12 @@ class Teacher:
         """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
         performer = self.named.last(asked, self._there(now))
         motion = self.named.meant(performer, self._memories[performer].newest) if performer else None
-        if performer is None or motion is None:
+        there = {each.number for each in self.roster.examples}
+        shown = [of.start for number, (name, of) in self._shown.items() if number in there and name == performer]
+        # Behind an example nobody means what was named before it.
+        if performer is None or motion is None or max(shown, default=-math.inf) > motion.started:
             return [_refused(asked, "no motion was named")]
-        if motion.number in {each.number for each in self.roster.examples}:
+        if motion.number in there:
             return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
         motion.is_right = is_right
         if is_right and motion.ended is None:

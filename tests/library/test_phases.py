@@ -1,13 +1,15 @@
 """How far in its motion each moment is: recordings warped onto each other, and the tables made of them."""
 
+import gc
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from naive_progress import warped_phase
 from naive_windows import body_of
-from synthetic import STICK, stick_clip
+from synthetic import STICK, stick_clip, stick_clips
 
 from kinespace.library import MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.phases import PhaseTable, warped_phases
@@ -95,6 +97,19 @@ def test_moments_by_definition(index: WindowIndex) -> None:
         np.testing.assert_allclose(moments.speeds, speeds)
         np.testing.assert_allclose(moments.usual_speeds, np.mean(speeds, axis=0))
         np.testing.assert_allclose(moments.usual_swings, np.mean(swings, axis=0))
+
+
+def test_a_class_that_stays_is_not_followed_again() -> None:
+    """Its numbers are the same ones; those of a library that is gone are gone."""
+    index = WindowIndex.of(MotionLibrary.of_clips(stick_clips()))
+    more = index.with_motions([replace(stick_clip("jump", seed=9, frames=100), class_name="duck")])
+    before, now = index.phases.classes, more.phases.classes
+    assert now["wave"].moving is before["wave"].moving
+    assert set(now) == {*before, "duck"}
+    gone = weakref.ref(index.basis)
+    del index, more, before, now
+    gc.collect()
+    assert gone() is None
 
 
 def test_motions_that_end_as_they_begin_are_cyclic(index: WindowIndex) -> None:

@@ -60,8 +60,8 @@ def say(line: str | Text, facts: Mapping[str, object] | None = None, *, level: s
     """
     if _logs is None:
         if isinstance(line, str):
-            # A terminal breaks lines itself; rich would take a quarter of a millisecond for each.
-            print(printable(line), flush=True)
+            # In one piece, because several threads say lines. Rich would take a quarter of a millisecond for each.
+            print(printable(line) + "\n", end="", flush=True)
         else:
             console.print(line, soft_wrap=True)
         return

@@ -106,12 +106,14 @@ def resampled(clip: Clip, frame_rate: float) -> Clip:
     Parameters
     ----------
     clip
-        Of two frames or more; its rotations are left out.
+        The clip; its rotations are left out.
     frame_rate
         Frames per second.
     """
     if clip.frame_rate == frame_rate:
         return clip
+    if clip.frames == 1:
+        return replace(clip, frame_rate=frame_rate, rotations=np.zeros((1, 0)))
     # The last time is the last frame's; rounding must not lose it.
     count = int((clip.frames - 1) * frame_rate / clip.frame_rate + 1e-6) + 1
     positions = at_steps(clip.times, clip.positions, np.arange(count) / frame_rate)

@@ -233,12 +233,13 @@ def _whole_frames(statements: Iterator[Line], size: int) -> Iterator[Line]:
     """Join the lines of each frame, where the first frame stands on several and has as many numbers as expected."""
     is_broken: bool | None = None
     for line in statements:
-        whole = line
-        while is_broken is not False and len(mended(whole.words)) < size and (following := next(statements, None)):
-            whole = replace(whole, words=[*whole.words, *following.words])
+        words, count = [*line.words], size if is_broken is False else len(mended(line.words))
+        while count < size and (following := next(statements, None)):
+            words += following.words
+            count += len(mended(following.words))
         if is_broken is None:
-            is_broken = whole is not line and len(mended(whole.words)) == size
-        yield whole if is_broken else line
+            is_broken = len(words) > len(line.words) and count == size
+        yield replace(line, words=words) if is_broken else line
 
 
 def _motion_header(statements: Iterator[Line], last: Line, given: float | None) -> tuple[str, float, Iterator[Line]]:

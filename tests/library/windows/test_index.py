@@ -167,6 +167,17 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
 # --- derived indices ---------------------------------------------------------------------------------------------
 
 
+def test_a_motion_that_stands_twice_keeps_its_windows_twice(people: MotionLibrary) -> None:
+    """A library may be made of the same clip twice; and one cannot be added nothing."""
+    index = WindowIndex.of(replace(people, motions=(people.motions[0], *people.motions)))
+    windows = np.bincount(index.motions)
+    assert windows[0] == windows[1]
+    added = index.with_motions([people.motions[1]])
+    assert np.bincount(added.motions).tolist() == [*windows.tolist(), windows[2]]
+    with pytest.raises(ValueError, match="expected at least one"):
+        index.with_motions([])
+
+
 def test_views_by_fewer_joints(people: MotionLibrary) -> None:
     """They are the windows of the library restricted to these joints, kept without their frames, and kept open."""
     index, joints = WindowIndex.of(people), STICK.joints[:5]

@@ -400,14 +400,22 @@ def test_without_a_named_motion_nothing_is_taken() -> None:
     assert stage.teacher.roster.examples == ()
 
 
-def test_what_was_named_before_a_lesson_is_not_meant_behind_it() -> None:
-    """The page then shows the lesson's own motion, and asks about none."""
+def test_what_was_named_before_an_example_is_not_meant_behind_it() -> None:
+    """The page shows the example's own motion then, and asks about none; undone, the motion before is meant again."""
     stage = Stage()
     _performed(stage)
     stage.ask(commands.Hold("ann", "wave", on=True))
     stage.ask(commands.Cancel())
+    for _ in range(2):
+        stage.ask(commands.Hold("ann", "wave", on=True))
+        stage.show(stage.library.motions[40].positions)
+        stage.ask(commands.Hold("ann", "wave", on=False))
+        stage.ask(commands.Right("ann"))
+        assert stage.reason() == "no motion was named"
+        assert [each.class_name for each in stage.teacher.roster.examples] == ["wave"]
+        stage.ask(commands.Undo())
     stage.ask(commands.Right("ann"))
-    assert stage.reason() == "no motion was named"
+    assert [each.class_name for each in stage.teacher.roster.examples] == ["squat1Reps"]
 
 
 def test_a_person_speaks_of_the_motion_that_there_was_time_to_see() -> None:

@@ -295,8 +295,9 @@ const focusClass = (name) => page.rows.find((each) => each.name === name)?.row.f
 function listMotions() {
   const performer = page.performers.get(page.chosen);
   const motions = [...(performer?.motions.values() ?? [])].filter((motion) => motion.end !== null).reverse();
-  // Nobody is asked whether an example is right.
-  const last = motions.find((motion) => motion.mark !== "taught");
+  // Nobody is asked whether an example is right, nor about what was named before it.
+  const named = motions.find((motion) => motion.mark !== "taught");
+  const last = motions.some((motion) => motion.mark === "taught" && motion.begin >= named?.end) ? null : named;
   byId("last").textContent = last ? `was ${titleOf(last.className)} right?` : "no motion yet";
   for (const button of document.querySelectorAll("[data-judge]")) button.disabled = !last;
   byId("motions").replaceChildren(...motions.map((motion) => {

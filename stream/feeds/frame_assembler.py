@@ -137,8 +137,8 @@ class FrameAssembler:
         #: Whether joints may never come.
         self._takes_some = bool(preset.bones) or preset.closings.some
         self._guessed = preset.guessed
-        #: The library's names of the joints that a performer's sender sends, which are nearly always the same.
-        self._named = lru_cache(MAX_PERFORMERS)(preset.named)
+        #: The joints that a performer's sender sends are nearly always the same.
+        self._named = lru_cache(MAX_PERFORMERS)(self._known)
         self._axes = np.array([axis for axis, _ in preset.axes])
         self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
@@ -359,7 +359,11 @@ class FrameAssembler:
     def _coming_joints(self, body: _Body) -> Mapping[str, str]:
         """Give the joints that came in the last seconds, with the library's names."""
         came = tuple(name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER)[:_MAX_NAMES]
-        return {name: target for name, target in self._named(came).items() if target}
+        return self._named(came)
+
+    def _known(self, came: Sequence[str]) -> Mapping[str, str]:
+        """Give the joints that the library has, with its names."""
+        return {name: target for name, target in self.preset.named(came).items() if target}
 
     def _placed(
         self, body: _Body, opened: Mapping[str, Sighting], joints: Mapping[str, str]

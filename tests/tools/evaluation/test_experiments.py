@@ -2,9 +2,8 @@
 
 import csv
 import json
-import pickle
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,10 @@ import pytest
 from programs import small_library
 from recorded import write_clips, write_take
 
-from kinespace.library import MotionLibrary, Reading, WindowIndex
+from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
 from kinespace.stream import Settings
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation import evaluate_peers, evaluate_stream, harness
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.harness import Sources, read_takes
 
@@ -46,33 +44,11 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_built_in() -> Iterator[None]:
-    """Leave of the built-in library two motions of each of three classes by three persons; play each take once."""
+    """Leave of the built-in library two motions of each of three classes by three persons."""
     library = small_library()
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(MotionLibrary, "builtin", lambda: library)
-        patched.setattr(harness, "answers_to", _once(harness.answers_to))
-        patched.setattr(evaluate_stream, "course", _once(course))
-        # Its first argument holds functions.
-        patched.setattr(evaluate_peers, "_scored", _once(evaluate_peers._scored, 1))  # noqa: SLF001
         yield
-
-
-def _once(computed: Callable[..., Any], first: int = 0) -> Callable[..., Any]:
-    """Give what was computed before of the same arguments: a table is printed of what the JSON was."""
-    given = dict[bytes, Any]()
-
-    def found(*arguments: Any) -> Any:  # noqa: ANN401 - anything
-        # What windows have computed so far is no part of them.
-        named = (
-            (each.vectors, each.library.classes) if isinstance(each, WindowIndex) else each
-            for each in arguments[first:]
-        )
-        key = pickle.dumps([*named])
-        if key not in given:
-            given[key] = computed(*arguments)
-        return given[key]
-
-    return found
 
 
 def _arguments(line: str, folders: dict[str, Path]) -> list[str]:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import zmq
 from golden import bundle
+from programs import Program
 
 from kinespace.stream import Announcement, Frame, osc, zeromq
-from kinespace.tools.feeding.service import Program
 
 #: The performer whom the attacks must not harm.
 INNOCENT = "innocent"

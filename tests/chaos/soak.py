@@ -24,11 +24,11 @@ from chaos.performer import stream
 from chaos.trial import ended_with, page_of, started
 from chaos.trials import slow
 from numpy.typing import NDArray
+from programs import Program
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from kinespace.stream.teaching.teacher import REMEMBERED
-from kinespace.tools.feeding.service import Program
 from kinespace.tools.programs import bench
 from kinespace.tools.programs.bench import machine
 
@@ -167,7 +167,7 @@ def main() -> int:
             stage.end()
             found.append(held(program))
             _say({"nobody": "there", **found[-1]})
-        ended, printed = ended_with(program), program.printed
+        ended, printed = ended_with(program), program.output
     before, after = found
     most = MAX_GROWTH, 0, POOL
     grown = [
@@ -177,7 +177,7 @@ def main() -> int:
     ]
     _say({"came": stage.came, "taught": stage.taught, "pages": stage.opened, "grown": grown, "ended": ended})
     _say({"on": machine(), "counts": printed.strip().splitlines()[-1]})
-    return int(bool(grown) or ended != 0 or "Traceback" in printed)
+    return int(bool(grown) or ended != 0 or "Traceback" in program.errors)
 
 
 def _say(found: dict[str, object]) -> None:

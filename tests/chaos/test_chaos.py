@@ -49,6 +49,6 @@ def test_nothing_ends_the_program() -> None:
                     break
             assert answers.receive() is not None
         assert ended_with(program) == 0
-        assert "Traceback" not in program.printed
+        assert "Traceback" not in program.errors
         for counted in ("malformed", "foreign", "no room"):
-            assert f"{counted} 0" not in program.printed.rpartition("received")[2]
+            assert f"{counted} 0" not in program.output.rpartition("received")[2]

@@ -7,21 +7,22 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from multiprocessing.synchronize import Event, Semaphore
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import programs
 from chaos.attacks import Place, place_of
 from chaos.performer import FRAME_RATE, Fault, Performer, cues_of
 from numpy.typing import NDArray
+from programs import Program
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Recognizer
 from kinespace.stream.inputs.kinerec import RawFile
-from kinespace.tools.feeding.service import Program
 
 #: Runs until it is stopped.
 Attack = Callable[[Place, Event], None]
@@ -108,17 +109,17 @@ class Outcome(NamedTuple):
     ended: int
 
 
-def started(options: Sequence[str] = (), place: Place = _ANY) -> Program:
+@contextmanager
+def started(options: Sequence[str] = (), place: Place = _ANY) -> Iterator[Program]:
     """Start `kinespace live` with the usual limit of open files."""
     ends = ["--osc-in", "{}:{}".format(*place.osc), "--zmq-in", place.frames, "--zmq-out", place.answers]
     import resource  # noqa: PLC0415 - there is none on Windows
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(1024, hard), hard))
-    try:
-        return Program("live", *ends, "--plain", *options)
-    finally:
+    with programs.started("live", *ends, "--plain", *options) as program:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        yield program
 
 
 def memory_of(program: Program) -> float:
@@ -196,7 +197,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
             *(_p99(performance.latencies(0.5, begin)), _p99(latencies)),
             memory,
             performance.recovery(since),
-            ", ".join(filter(None, [_counted(program.printed), line, *recordings])),
+            ", ".join(filter(None, [_counted(program.output), line, *recordings])),
             status,
         )
 

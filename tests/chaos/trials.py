@@ -15,11 +15,11 @@ from chaos import attacks
 from chaos.attacks import flood, publish
 from chaos.performer import FRAME_RATE
 from chaos.trial import Trial, kept, page_of
+from programs import Program, started
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc
 from kinespace.tools.feeding.feed import Cue
-from kinespace.tools.feeding.service import Program
 
 #: Bytes after which a disk is full.
 _FULL = 100_000
@@ -81,7 +81,7 @@ def _kill_the_page(program: Program, _: Path, seconds: float) -> str:
 def _kill_a_recorder(_: Program, folder: Path, seconds: float) -> str:
     """Record a feed beside the recogniser, kill the recorder (`kill -9`), and read its file."""
     recording, sent = folder / "killed.kinerec", 0
-    with Program("record", str(recording), "--osc-in", "127.0.0.1:0") as recorder:
+    with started("record", recording, "--osc-in", "127.0.0.1:0") as recorder:
         port = int(recorder.expect(r"osc 127\.0\.0\.1:(\d+)")[1])
         with closing(osc.OscSender("127.0.0.1", port)) as sender:
             ending = time.monotonic() + seconds

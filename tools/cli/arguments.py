@@ -304,15 +304,6 @@ def settings_of(parsed: argparse.Namespace) -> Settings:
     return made_of(Settings, parsed, signature=signature, stillness=_DEFAULTS.stillness)
 
 
-def arguments_of(settings: Settings) -> list[str]:
-    """Write settings as arguments, as `settings_of` reads them."""
-    numbers = {"--sensitivity": settings.sensitivity, "--window": settings.window, "--hop": settings.hop}
-    words = ["--signature", str(settings.signature), *(["--progress"] if settings.progress else [])]
-    words += [] if settings.plausibility else ["--no-plausibility"]
-    words += [] if settings.false_alarms == _DEFAULTS.false_alarms else ["--false-alarms", f"{settings.false_alarms}/h"]
-    return words + [word for name, number in numbers.items() if number is not None for word in (name, str(number))]
-
-
 def _number(expected: str, fits: Callable[[float], bool]) -> Callable[[str], float]:
     """Make a type of argument: a number that fits."""
 

@@ -1,35 +1,32 @@
-"""`kinespace` as a person starts it, in a process of its own, and its answers: received, and expected."""
+"""A recogniser in a process of its own, as `kinespace live` is one, and its answers: received, and expected."""
 
-import ctypes
+import gc
 import json
-import os
-import re
-import signal
-import subprocess
-import sys
-import tempfile
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
-from pathlib import Path
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from functools import partial
+from typing import Any, Literal, NamedTuple
 
 import zmq
 
 from kinespace.library import MotionLibrary
-from kinespace.stream import Recognizer, Settings, osc, zeromq
-from kinespace.stream.inputs import Receiver
+from kinespace.stream import BackgroundViews, Performers, Recognizer, Settings, osc, zeromq
+from kinespace.stream.inputs import Admission, OscDecoder, Receiver, Source, ZmqDecoder
 from kinespace.stream.osc.packet import PacketError, decode_packet
+from kinespace.stream.outputs import LAYOUTS, LayoutSink, Sink, ZmqSink
 from kinespace.stream.recognition import Answer
+from kinespace.stream.service.background import Child
+from kinespace.stream.service.loop import Service
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.cli.arguments import arguments_of
 from kinespace.tools.cli.entry import check_interrupted
 from kinespace.tools.cli.values import host_and_port
-from kinespace.tools.feeding import echo
-from kinespace.tools.feeding.echo import ANY, LOOPBACK
 from kinespace.tools.feeding.feed import Cue, FrameSender, OscFrameSender, Pace, Packet, ZmqFrameSender
 
+#: This machine.
+LOOPBACK = "127.0.0.1"
+_ANY = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)
 #: The poller counts milliseconds; the rest of a millisecond is slept in pieces of these seconds.
 _SHORT_SLEEP = 5e-5
 #: Milliseconds of the longest wait: the program ends within this time.
@@ -182,77 +179,62 @@ class AnswerMatcher:
         return len(self._waiting)
 
 
-#: Seconds that a program may take to print what is expected.
-_PATIENCE = 60.0
-_POLL = 0.01
-#: Linux's PR_SET_PDEATHSIG.
-_SIGNAL_OF_PARENTS_END = 1
-
-
-def _end_with_parent() -> None:
-    """Let the new process end with its parent, also with one that is killed."""
-    ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_END, signal.SIGTERM)
-
-
-class Program(AbstractContextManager["Program"]):
-    """A running `kinespace`; a context manager that kills it at the end, also when it is stopped.
-
-    Parameters
-    ----------
-    arguments
-        Its arguments.
-    module
-        What Python runs, in place of `kinespace`.
-    """
-
-    def __init__(self, *arguments: str, module: str = "kinespace") -> None:
-        self._name = arguments[0]
-        self._folder = tempfile.TemporaryDirectory()
-        self._output = Path(self._folder.name) / "output"
-        with self._output.open("wb") as printed:
-            self.process = subprocess.Popen(  # noqa: S603 - our own command
-                [sys.executable, "-m", module, *arguments],
-                env={**os.environ, "COLUMNS": "200", "PYTHONUTF8": "1"},
-                stdin=subprocess.DEVNULL,
-                stdout=printed,
-                stderr=subprocess.STDOUT,
-                preexec_fn=_end_with_parent if sys.platform == "linux" else None,  # noqa: PLW1509 - no thread of ours holds a lock
-            )
-
-    def __exit__(self, *_: object) -> None:
-        self.process.kill()
-        self.process.wait()
-        self._folder.cleanup()
-
-    @property
-    def printed(self) -> str:
-        """Everything printed so far."""
-        return self._output.read_text(encoding="utf-8", errors="replace")
-
-    def expect(self, pattern: str) -> re.Match[str]:
-        """Wait until the output matches.
-
-        Raises
-        ------
-        ChildProcessError
-            The program has ended, or a minute has passed.
-        """
-        until = time.monotonic() + _PATIENCE
-        while True:
-            ended = self.process.poll() is not None or time.monotonic() > until
-            if found := re.search(pattern, self.printed):
-                return found
-            if ended:
-                said = self.printed.strip().removeprefix("kinespace: ")
-                raise ChildProcessError(f"kinespace {self._name}: {said or 'silent'}")
-            time.sleep(_POLL)
-
-
 Transport = Literal["osc", "zmq"]
 #: Seconds after which a connection is given up.
 _MAX_START = 60.0
 #: Milliseconds between two greetings.
 _GREET_EVERY = 50
+#: Seconds within which a process of ours notices that it is to end, and after which it is killed.
+_LOOK_EVERY, _MAX_END = 0.1, 1.0
+
+
+class Recognising(NamedTuple):
+    """The terms of a recogniser in a process of its own: the library (None: the built-in one), and of `Performers`."""
+
+    library: MotionLibrary | None
+    settings: Settings
+    most: int
+
+
+def serve(port: int, terms: Recognising | None, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
+    """Recognise frames as `kinespace live` does, or send packets back unread, until the end is wanted.
+
+    Parameters
+    ----------
+    port
+        Where answers go by OSC on this machine; 0 for ZeroMQ.
+    terms
+        Of the recogniser; None for a bare echo.
+    started, wants_end
+        Gets the receiver's place and, of ZeroMQ, the address of answers; is asked some times a second.
+    """
+    receiver: Receiver
+    sender: Any  # of the receiver's kind of packets
+    sink: Sink
+    if port:
+        receiver, sender = osc.OscReceiver(LOOPBACK, 0), osc.OscSender(LOOPBACK, port)
+        sink, answers = LayoutSink(LAYOUTS["native"](), sender), ""
+    else:
+        receiver, sender = zeromq.ZmqReceiver(_ANY), zeromq.ZmqSender(_ANY)
+        sink, answers = ZmqSink(sender), sender.address
+    poller = zmq.Poller()
+    poller.register(receiver.socket, zmq.POLLIN)
+
+    def echo(longest: float) -> None:
+        poller.poll(round(1000 * longest))
+        while (packet := receiver.receive()) is not None:
+            sender.send(packet)
+
+    step: Callable[[float], None] = echo
+    if terms:
+        known, views, admission = terms.library or MotionLibrary.builtin(), BackgroundViews(), Admission()
+        performers = Performers(known, terms.settings, most=terms.most, views=views)
+        source = Source(receiver, OscDecoder() if port else ZmqDecoder(), admission)
+        step = Service(performers, [source], [sink], admission=admission).step
+    started(f"{receiver.place} {answers}")
+    gc.freeze()
+    while not wants_end():
+        step(_LOOK_EVERY)
 
 
 class Connected(NamedTuple):
@@ -285,7 +267,7 @@ def background_service(
     echoes: bool = False,
     performers: int = 32,
 ) -> Iterator[Connected]:
-    """Start `kinespace live`, or an echo, in its own process on this machine, and connect to it; end both.
+    """Start a recogniser, or an echo, in its own process on this machine, and connect to it; end both.
 
     Parameters
     ----------
@@ -302,30 +284,24 @@ def background_service(
 
     Raises
     ------
+    ValueError
+        There is no room for a performer.
     ChildProcessError
-        The process ended before it began; the message says why.
+        The process ended before it began.
     TimeoutError
         It did not connect within a minute.
     """
     with ExitStack() as opened:
         receiver = opened.enter_context(closing(osc.OscReceiver(LOOPBACK, 0))) if transport == "osc" else None
-        port = receiver.address[1] if receiver else 0
-        command = ["--plain", "--performers", f"{performers}"]
-        command += [f"--zmq-in={ANY}", f"--zmq-out={ANY}"] if receiver is None else []
-        command += [f"--osc-in={LOOPBACK}:0", f"--osc-out={LOOPBACK}:{port}"] if receiver else []
-        command += arguments_of(settings) if settings else []
-        if library:
-            file = Path(opened.enter_context(tempfile.TemporaryDirectory())) / "library.npz"
-            library.save(file, compressed=False)
-            command += ["--library", f"{file}"]
-        started = Program(f"{port}", module=echo.__name__) if echoes else Program("live", *command)
-        program = opened.enter_context(started)
-        frames_to, answers_at = program.expect(r"listening on \S+ (\S+); answering to \S+ (\S+);").groups()
+        terms = None if echoes else Recognising(library, settings or Settings(), performers)
+        work = partial(serve, receiver.address[1] if receiver else 0, terms)
+        child = opened.enter_context(closing(Child("recogniser", work, max_end=_MAX_END)))
+        _, frames_to, answers_at = child.said.split(" ")
         if receiver:
             sender = opened.enter_context(closing(OscFrameSender(*host_and_port(frames_to))))
-            yield Connected(program.process.pid, sender, receiver)
+            yield Connected(child.process.pid or 0, sender, receiver)
             return
         peer = opened.enter_context(closing(ZmqFrameSender(Endpoint(frames_to, bind=False))))
         answers = opened.enter_context(closing(zeromq.ZmqReceiver(Endpoint(answers_at, bind=False))))
         _meet(peer, answers, echoes=echoes)
-        yield Connected(program.process.pid, peer, answers)
+        yield Connected(child.process.pid or 0, peer, answers)

@@ -9,9 +9,11 @@ oldest are dropped. A sender that is alone is never put aside.
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
+
+import zmq
 
 from kinespace.stream.feeds.preset import AskedMessage, Preset
 from kinespace.stream.frame import Admitted, Announcement, Input
@@ -245,6 +247,33 @@ class Source:
     def close(self) -> None:
         """Close the socket."""
         self.receiver.close()
+
+
+#: Seconds of the longest sleep without packets, and packets of a source in one turn, at most: a flood ends nothing.
+_MAX_SLEEP, _MAX_IN_TURN = 0.1, 10_000
+
+
+def taking(sources: Sequence[Source], seconds: float, is_over: Callable[[], bool] = lambda: False) -> Iterator[float]:
+    """Take in what comes to sources for some seconds, or until it is over, for their recorders; packets alone.
+
+    Yields
+    ------
+    The moment after each turn, seconds; packets that have arrived by the end are taken in.
+    """
+    poller, ending = zmq.Poller(), False
+    for source in sources:
+        poller.register(source.pollable, zmq.POLLIN)
+    until = time.monotonic() + seconds
+    while not ending:
+        left = until - time.monotonic()
+        ending = left <= 0 or is_over()
+        poller.poll(0 if ending else round(1000 * min(_MAX_SLEEP, left)) + 1)
+        for source in sources:
+            source.tend(time.monotonic())
+            for _ in range(_MAX_IN_TURN):
+                if source.take(time.monotonic()) is None:
+                    break
+        yield time.monotonic()
 
 
 class Waiting(NamedTuple):

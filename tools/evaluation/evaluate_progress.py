@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows, opened
+from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.phases import MOMENTS_PER_SECOND
 from kinespace.library.signature.own_frame import at_steps
-from kinespace.stream import Progress, Recognizer, Settings
-from kinespace.stream.recognizer.progress import STEP, ProgressFollower
+from kinespace.stream import Recognizer, Settings
+from kinespace.stream.recognizer.progress import STEP
 from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.cli.console import print_json, print_scores, progress
 from kinespace.tools.evaluation import harness
@@ -26,9 +26,9 @@ from kinespace.tools.evaluation import harness
 #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
 Estimate = NDArray[np.float64]
 
-#: The ways in which motions are played, and the classes whose motions the filter follows.
+#: The ways in which motions are played, and how they are followed.
 AS_RECORDED, WARPED = "as recorded", "warped"
-NAMED, KNOWN = "filter, named class", "filter, true class"
+NAMED = "filter, named class"
 #: Seconds from a motion's start that are not scored: no method can know the phase yet.
 _UNSCORED = 0.3
 #: The speed curve: 2 to the power of a sine of this period, seconds, so from half to twice the speed.
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> None:
     """Follow the motions, and print how right their progress was."""
     scores = followed(MotionLibrary.builtin(), every=options.every)
     if options.json:
-        named = {each["played"]: each for each in scores if each["method"] == NAMED}
+        named = {each["played"]: each for each in scores}
         print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
     else:
         caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
@@ -78,8 +78,8 @@ def run(options: argparse.Namespace) -> None:
 
 
 def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object]]:
-    """Follow every motion by the other actors' motions; give the scores of each method in each way of playing."""
-    truth, results = _true_phases(library), defaultdict[tuple[str, str], list[tuple[_Played, "Estimate"]]](list)
+    """Follow every motion by the other actors' motions; give the scores of each way of playing."""
+    truth, results = _true_phases(library), defaultdict[str, list[tuple[_Played, "Estimate"]]](list)
     for actor in progress(library.actors, "Persons", len(library.actors)):
         index = opened(library.without(actors=[actor]))
         for clip in [each for each in library.motions if each.actor == actor][::every]:
@@ -88,9 +88,8 @@ def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object
                 continue
             for way in (AS_RECORDED, WARPED):
                 played = _played(clip, truth[id(clip)], moments.seconds, warped=way == WARPED)
-                for method, estimate in _estimates(played, index).items():
-                    results[way, method].append((played, estimate))
-    return [_scored(*key, each) for key, each in results.items()]
+                results[way].append((played, _estimate(played, index)))
+    return [_scored(way, each) for way, each in results.items()]
 
 
 def _true_phases(library: MotionLibrary) -> dict[int, NDArray[np.float64]]:
@@ -113,25 +112,17 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
     return _Played(clip, at_steps(clip.times, clip.positions, np.array(times)), true)
 
 
-def _estimates(played: _Played, index: WindowIndex) -> dict[str, Estimate]:
-    """Get phase and speed at every step by the filter, with the class that was named, and given the class."""
-    class_name, library = played.clip.class_name, index.library
-    feed = harness.Feed(np.arange(len(played.positions), dtype=np.float64) * STEP, played.positions, library.skeleton)
+def _estimate(played: _Played, index: WindowIndex) -> Estimate:
+    """Get phase and speed at every step at which the class performed was named."""
+    times = np.arange(len(played.positions), dtype=np.float64) * STEP
+    feed = harness.Feed(times, played.positions, index.library.skeleton)
     answers = [answer for _, answer in harness.pushed(Recognizer(index, Settings(progress=True)), feed)]
-    rows, follower = distance_rows(played.positions, library.skeleton), ProgressFollower(index.phases)
-    points = rows @ index.basis.directions / index.body.size(rows)[:, None]
-    return {
-        NAMED: _numbers([each.progress if each and each.class_name == class_name else None for each in answers]),
-        KNOWN: _numbers([follower.push(step * STEP, point, class_name) for step, point in enumerate(points)]),
-    }
+    named = [each and each.class_name == played.clip.class_name and each.progress for each in answers]
+    return np.array([(each.phase, each.speed) if each else (np.nan, np.nan) for each in named]).T
 
 
-def _numbers(followed: Sequence[Progress | None]) -> Estimate:
-    return np.array([(each.phase, each.speed) if each else (np.nan, np.nan) for each in followed]).T
-
-
-def _scored(way: str, method: str, results: Sequence[tuple[_Played, Estimate]]) -> dict[str, object]:
-    """Compare one method's phases and speeds with the true ones, from `_UNSCORED` seconds on.
+def _scored(way: str, results: Sequence[tuple[_Played, Estimate]]) -> dict[str, object]:
+    """Compare the filter's phases and speeds with the true ones, from `_UNSCORED` seconds on.
 
     Errors of the phase (mean and median) and of the speed (octaves, median) are absolute; the rest are shares of the
     steps: with a phase within 0.1, with a lower phase than a step before, with a phase at all.
@@ -144,7 +135,7 @@ def _scored(way: str, method: str, results: Sequence[tuple[_Played, Estimate]]) 
     errors = np.abs(errors[answered])
     return {
         "played": way,
-        "method": method,
+        "method": NAMED,
         "phase_mean": float(errors.mean()),
         "phase_median": float(np.median(errors)),
         "phase_near": float((errors <= _NEAR).mean()),

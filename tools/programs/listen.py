@@ -6,10 +6,7 @@ feed that the messages resemble; the joints that came, and the joints that recog
 
 import argparse
 import shlex
-import time
 from contextlib import closing, suppress
-
-import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
@@ -17,6 +14,7 @@ from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknow
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import FeedSource, OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
+from kinespace.stream.inputs.source import taking
 from kinespace.stream.osc import OscReceiver
 from kinespace.stream.osc.messages import SKELETON
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive, preset_named
@@ -29,7 +27,6 @@ _MAX_SHOWN = 40
 _GAP_SECONDS = 0.2
 #: Intervals of the message's own rate in a gap that is reported, at least.
 _GAP_INTERVALS = 4.0
-_MAX_WAIT = 100
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,15 +64,9 @@ def surveyed(receiver: OscReceiver, seconds: float, preset: Preset | None, sende
     survey = Survey()
     source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OscDecoder())
     source.recorder = survey
-    poller = zmq.Poller()
-    poller.register(receiver.socket, zmq.POLLIN)
-    until = time.monotonic() + seconds
     with closing(source), suppress(KeyboardInterrupt):
-        while (now := time.monotonic()) < until:
-            source.tend(now)
-            poller.poll(min(_MAX_WAIT, int((until - now) * 1000) + 1))
-            while (now := time.monotonic()) < until and source.take(now) is not None:
-                pass
+        for _ in taking([source], seconds):
+            pass
     return survey
 
 

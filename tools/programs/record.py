@@ -5,24 +5,20 @@ replay sends the file again bit for bit; kinespace live --record records while i
 """
 
 import argparse
+import math
 import threading
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
-import zmq
 from rich.status import Status
 
-from kinespace.stream.inputs import Admission, Source
-from kinespace.stream.inputs.kinerec import RawWriter
+from kinespace.stream.inputs import Admission
+from kinespace.stream.inputs.source import taking
 from kinespace.stream.status import InputCounts
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.console import progress_console, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.programs.ends import Ends
-
-#: Milliseconds of the longest sleep: Ctrl-C takes effect within this time.
-_MAX_SLEEP = 100
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,32 +44,13 @@ def run(options: argparse.Namespace) -> None:
         stop_on_signals(stopped.set)
         names = ", ".join(source.receiver.place for source in sources)
         say(f"recording {names} to {output}; Ctrl-C ends")
-        _record(sources, writer, stopped, options.seconds, shown)
+        begun = time.monotonic()
+        for now in taking(sources, options.seconds or math.inf, stopped.is_set):
+            if writer.written:
+                shown.update(f"{writer.written} packets in {now - begun:.0f} s")
         counts = sum((source.counts for source in sources), InputCounts())
     say(
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
         + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else "")
     )
-
-
-def _record(
-    sources: Sequence[Source], writer: RawWriter, stopped: threading.Event, seconds: float | None, shown: Status
-) -> None:
-    """Go on until stopped or until the seconds have passed; packets that have arrived by then are kept."""
-    poller = zmq.Poller()
-    for source in sources:
-        poller.register(source.pollable, zmq.POLLIN)
-    began = drawn = now = time.monotonic()
-    over = False
-    while not over:
-        over = stopped.is_set() or (seconds is not None and now >= began + seconds)
-        poller.poll(0 if over else _MAX_SLEEP)
-        for source in sources:
-            while source.take(time.monotonic()) is not None and not stopped.is_set():
-                pass
-        now = time.monotonic()
-        if now >= drawn + 1.0:
-            drawn = now
-            if writer.written:
-                shown.update(f"{writer.written} packets in {drawn - began:.0f} s")

@@ -19,11 +19,10 @@ Answers as ZeroMQ messages: a topic and a JSON object.
 infinity are null, because JSON has neither.
 """
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 from urllib.parse import unquote
 
 import msgspec
@@ -35,7 +34,7 @@ from kinespace.stream.packet import remember
 from kinespace.stream.recognition import GONE, Answer, Classes, Done, Event, Gone, Progress, Recognition
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import Status
-from kinespace.stream.teaching.commands import Notice, State, Taught, as_json
+from kinespace.stream.teaching.commands import State, Taught, as_json
 
 VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.
@@ -265,32 +264,9 @@ def encode_recognition(recognition: Recognition) -> list[bytes]:
         "eigenvector_class": recognition.eigenvector_class,
         "eigenvector_score": float(recognition.eigenvector_score),
         "doubted": recognition.doubted,
-        "progress": recognition.progress and _described(recognition.progress, class_name="class"),
+        "progress": recognition.progress and _described(recognition.progress),
     }
     return [_topic("class", recognition.performer), _encode(answer)]
-
-
-def encode_gone(performer: str) -> list[bytes]:
-    """Encode that a performer has left: an answer without a class."""
-    nothing = {"class": None, "guess": None, "index": -1, "guess_index": -1, "so_far": None}
-    answer = {"v": VERSION, "performer": performer, **nothing, "outcome": GONE, "score": 0.0, "margin": 0.0}
-    return [_topic("class", performer), _encode(answer)]
-
-
-def _described(answer: Progress | Event | Done, **renamed: str) -> dict[str, object]:
-    """Give the fields of an answer, some by the names that they have on the wire."""
-    return {renamed.get(name, name): value for name, value in asdict(answer).items()}
-
-
-def encode_event(event: Event) -> list[bytes]:
-    """Encode that a motion started or ended."""
-    described = _described(event, kind="event", label="class", time="t")
-    return [_topic("event", event.performer), _encode({"v": VERSION, **described})]
-
-
-def encode_done(done: Done) -> list[bytes]:
-    """Encode that a motion was done."""
-    return [_topic("done", done.performer), _encode({"v": VERSION, **_described(done, label="class")})]
 
 
 def decode_answer(parts: Sequence[bytes]) -> Answer | None:
@@ -305,41 +281,50 @@ def decode_answer(parts: Sequence[bytes]) -> Answer | None:
     return Answer(answer.performer, answer.index, answer.score, answer.margin, answer.label or answer.outcome)
 
 
-def encode_classes(classes: Sequence[str]) -> list[bytes]:
-    """Encode the class names in the order their indices count."""
-    return [b"classes/", _encode({"v": VERSION, "classes": list(classes)})]
-
-
-def encode_status(status: Status, *, named: bool = True) -> list[bytes]:
-    """Encode every counter; with the names of performers and senders only if the listeners may know them."""
-    described = {"v": VERSION, "alive": True, **asdict(status), "followed": len(status.performers)}
-    if not named:
-        described |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": [], "listening": []}
-    described |= {"frames_per_second": status.frames_per_second, "lost": status.lost, "health": status.health}
-    return [b"status/", _encode(described)]
-
-
-def _encode_notice(notice: Notice) -> list[bytes]:
-    return [b"teach/", json.dumps(as_json(notice)).encode()]
-
-
-_ENCODERS: dict[type, Callable[[Any], list[bytes]]] = {
-    Recognition: encode_recognition,
-    Event: encode_event,
-    Done: encode_done,
-    Gone: lambda gone: encode_gone(gone.performer),
-    Classes: lambda classes: encode_classes(classes.names),
-    State: _encode_notice,
-    Taught: _encode_notice,
-}
+#: What is told of a performer who has left.
+_NOTHING = {"class": None, "guess": None, "index": -1, "guess_index": -1, "so_far": None, "score": 0.0, "margin": 0.0}
+#: The names of fields on the wire, where they are others.
+_WIRE = {"label": "class", "class_name": "class", "kind": "event", "time": "t"}
 
 
 def encode(message: object, *, named: bool = True) -> list[bytes] | None:
-    """Encode whatever a service has to say; None for what is not sent. `named` as of `encode_status`."""
-    if isinstance(message, Status):
-        return encode_status(message, named=named)
-    encoder = _ENCODERS.get(type(message))
-    return encoder(message) if encoder else None
+    """Encode whatever a service has to say; None for what is not sent, as frames.
+
+    Parameters
+    ----------
+    message
+        What happened to a performer is told below the name of its class, by the names of its fields.
+    named
+        Whether the listeners of a status may know the names of performers and senders.
+    """
+    match message:
+        case Recognition():
+            return encode_recognition(message)
+        case State() | Taught():
+            return [b"teach/", _encode(as_json(message))]
+        case Classes(names):
+            topic, told = b"classes/", dict[str, object](classes=names)
+        case Status():
+            topic, told = b"status/", _of_status(message, named=named)
+        case Gone(performer):
+            topic, told = _topic("class", performer), {"performer": performer, "outcome": GONE, **_NOTHING}
+        case Event() | Done():
+            topic, told = _topic(type(message).__name__.lower(), message.performer), _described(message)
+        case _:
+            return None
+    return [topic, _encode({"v": VERSION, **told})]
+
+
+def _described(answer: Progress | Event | Done) -> dict[str, object]:
+    return {_WIRE.get(name, name): value for name, value in asdict(answer).items()}
+
+
+def _of_status(status: Status, *, named: bool) -> dict[str, object]:
+    """Give every counter."""
+    told = {"alive": True, **asdict(status), "followed": len(status.performers)}
+    if not named:
+        told |= {"performers": {}, "refused": {}, "doubted": {}, "compared": {}, "notes": [], "listening": []}
+    return told | {"frames_per_second": status.frames_per_second, "lost": status.lost, "health": status.health}
 
 
 class BodyHeader(msgspec.Struct, omit_defaults=True):

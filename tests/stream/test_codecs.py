@@ -27,7 +27,7 @@ from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
-from kinespace.stream.recognition import Answer
+from kinespace.stream.recognition import Answer, Gone
 from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
@@ -364,7 +364,7 @@ def test_no_topic_begins_anothers() -> None:
     for name in names:
         body = encode_body(Frame(name, 1.0, np.ones((2, 3))))
         assert (decode_body(body) or ())[0] == name
-        topics += [body[0], zeromq.messages.encode_gone(name)[0]]
+        topics += [body[0], zeromq.messages.encode(Gone(name))[0]]
     assert not [each for each in permutations(topics, 2) if each[1].startswith(each[0])]
 
 

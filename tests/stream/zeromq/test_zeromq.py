@@ -17,6 +17,7 @@ from zmq import Socket
 from zmq.auth import load_certificate
 
 from kinespace.stream import Done, Event, EventKind, zeromq
+from kinespace.stream.recognition import Classes
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, ZmqReceiver, ZmqSender
@@ -33,11 +34,11 @@ TOPIC = b"frame/p/"
 def test_what_happened_is_json_under_its_performers_topic() -> None:
     """An event, and a motion that was done, are topics of their own and JSON that says all of them."""
     event = Event("Ada Lovelace/1", EventKind.END, "wäve", 2, 0.125, 1_763_726_400.25)
-    topic, body = zeromq_answers.encode_event(event)
+    topic, body = zeromq_answers.encode(event)
     assert topic == b"event/Ada Lovelace%2F1/"
     told = {"v": 1, "performer": "Ada Lovelace/1", "event": "end", "class": "wäve", "index": 2, "score": 0.125}
     assert json.loads(body) == told | {"t": 1_763_726_400.25}
-    topic, body = zeromq_answers.encode_done(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))
+    topic, body = zeromq_answers.encode(Done("Ada 1", "wäve", 2, 4.5, 1.5, 0.875, 1.25, 0.75, 3))
     assert topic == b"done/Ada 1/"
     told = {"v": 1, "performer": "Ada 1", "class": "wäve", "index": 2, "start": 4.5, "duration": 1.5, "score": 0.875}
     assert json.loads(body) == told | {"speed": 1.25, "amplitude": 0.75, "count": 3}
@@ -48,11 +49,11 @@ def test_what_happened_is_json_under_its_performers_topic() -> None:
 
 def test_classes_and_status_are_json() -> None:
     """Class names come in the order of their indices; the status holds every counter by its name, and the sums."""
-    topic, encoded = zeromq_answers.encode_classes(("bow", "jump"))
+    topic, encoded = zeromq_answers.encode(Classes(("bow", "jump")))
     assert (topic, json.loads(encoded)) == (b"classes/", {"v": 1, "classes": ["bow", "jump"]})
     inputs = InputCounts(received=90, malformed=1, foreign=2, overrun=3, missing=4)
     status = Status(inputs, PerformerCounts(no_room=5), 6, {"Ada": 120.0}, 0.001, 0.002)
-    topic, encoded = zeromq_answers.encode_status(status)
+    topic, encoded = zeromq_answers.encode(status)
     assert topic == b"status/"
     described = json.loads(encoded)
     sums = {"v": 1, "alive": True, "frames_per_second": 120.0, "lost": 13, "followed": 1}
@@ -68,7 +69,7 @@ def test_an_open_status_names_no_performer() -> None:
     said = {"Ada": "who", "Bob": "10.0.0.5"}
     status = Status(InputCounts(), PerformerCounts(), 0, {"Ada": 120.0}, 0.0, 0.0, said, doubted=said, compared=said)
     status = dataclasses.replace(status, notes=("two senders are called Ada: 10.0.0.5",))
-    _, encoded = zeromq_answers.encode_status(status, named=False)
+    _, encoded = zeromq_answers.encode(status, named=False)
     assert b"Ada" not in encoded
     assert b"10.0.0.5" not in encoded
     assert json.loads(encoded)["followed"] == 1

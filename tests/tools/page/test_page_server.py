@@ -29,6 +29,7 @@ from websockets.http11 import Response
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
+from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import messages as zeromq_answers
@@ -224,12 +225,12 @@ def _answer(performer: str, class_name: str = "bow", score: float = 0.8) -> list
 
 
 def _event(performer: str, kind: EventKind, class_name: str, time: float) -> list[bytes]:
-    return zeromq_answers.encode_event(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, time))
+    return zeromq_answers.encode(Event(performer, kind, class_name, CLASSES.index(class_name), 0.8, time))
 
 
 def _status(**fields: Any) -> list[bytes]:  # noqa: ANN401 - a status has fields of all kinds
     known: dict[str, Any] = {"inputs": InputCounts(), "outcomes": PerformerCounts(), "unsent": 0, "performers": {}}
-    return zeromq_answers.encode_status(Status(**(known | {"hop_p50": 0.001, "hop_p99": 0.002} | fields)))
+    return zeromq_answers.encode(Status(**(known | {"hop_p50": 0.001, "hop_p99": 0.002} | fields)))
 
 
 def _told(board: Board, seen: int = 0, now: float = 0.0) -> tuple[dict[str, Any], bytes]:
@@ -251,7 +252,7 @@ def _board(*messages: list[bytes], now: float = 0.0) -> Board:
 def test_motions_that_were_done_are_shown_once() -> None:
     """A page gets each with its count, and with its span on our clock."""
     done = Done("ann", "bow", 0, 7.0, 1.5, 0.9, 1.0, 1.0, 4)
-    board = _board(_answer("ann"), zeromq_answers.encode_done(done), now=10.0)
+    board = _board(_answer("ann"), zeromq_answers.encode(done), now=10.0)
     told, _ = _told(board)
     assert told["done"] == [["ann", "bow", 4, 8.5, 10.0]]
     assert "done" not in _told(board, seen=told["number"])[0]
@@ -301,7 +302,7 @@ def test_performers_come_and_go() -> None:
     told = _told(board)[0]
     assert told["here"] == [f"p{number}" for number in range(MAX_SHOWN)]
     assert told["status"]["further"] == 2
-    board.take(zeromq_answers.encode_gone("p0"), 1.0)
+    board.take(zeromq_answers.encode(Gone("p0")), 1.0)
     board.take(_answer("p1"), 12.0)
     board.take(_status(), 12.0)
     assert _told(board)[0]["here"] == ["p1"]
@@ -311,13 +312,13 @@ def test_the_counters_have_the_words_of_the_table() -> None:
     """The page counts with the words that `live` prints, in the same order, and the same numbers."""
     inputs = InputCounts(received=9, malformed=8, foreign=7, overrun=6, missing=5)
     status = Status(inputs, PerformerCounts(no_room=3, other_joints=2), 0, {}, 0.001, 0.002)
-    told = _told(_board(zeromq_answers.encode_status(status)))[0]
+    told = _told(_board(zeromq_answers.encode(status)))[0]
     assert counts(status) == ", ".join(f"{words} {count}" for words, count in told["status"]["counters"])
     everything = Status(
         InputCounts(*[4] * 8), PerformerCounts(1, 1), 1, {}, 0.0, 0.0, notes=("a note",), refused={"ann": "3 joints"}
     )
     everything = replace(everything, listening=("OSC 127.0.0.1:9310",))
-    told = _told(_board(zeromq_answers.encode_status(everything)))[0]
+    told = _told(_board(zeromq_answers.encode(everything)))[0]
     shown = dict(told["status"]["counters"])
     assert shown["incomplete"] == 4
     assert all(words in counts(everything) for words in shown if words != "answers not sent")

@@ -15,6 +15,7 @@ from websockets.typing import Origin
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement
 from kinespace.stream.inputs import ZmqDecoder
+from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.zeromq import messages as answers
 from kinespace.tools.page.server import Gate, answer, as_text, packed
 
@@ -59,9 +60,9 @@ def test_what_is_no_frame_is_counted_by_the_recogniser(message: str | bytes) -> 
 
 def test_answers_are_one_object_with_their_type() -> None:
     """The JSON of ZeroMQ, and its topic as the type."""
-    parts = answers.encode_classes(("bow", "wave"))
+    parts = answers.encode(Classes(("bow", "wave")))
     assert json.loads(as_text(parts)) == {"type": "classes", **json.loads(parts[1])}
-    assert json.loads(as_text(answers.encode_gone("Zoë")))["performer"] == "Zoë"
+    assert json.loads(as_text(answers.encode(Gone("Zoë"))))["performer"] == "Zoë"
 
 
 #: A page of another site that may connect.

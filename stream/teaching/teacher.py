@@ -187,8 +187,8 @@ class Lesson:
         return Recorded(whole, kept)
 
 
-class HeldLesson:
-    """One performer is recorded for as long as somebody holds a key, whatever moves; the attributes are a lesson's.
+class HeldLesson(Lesson):
+    """One performer is recorded for as long as somebody holds a key, whatever moves.
 
     Parameters
     ----------
@@ -201,27 +201,17 @@ class HeldLesson:
     """
 
     def __init__(self, asked: commands.Hold, performer: str, newest: float) -> None:
-        self.class_name, self.performer = asked.class_name, performer
-        self.left, self.step = 1, Step.RECORDING
-        self._began = self._newest = newest
+        super().__init__(commands.Teach(performer, asked.class_name), performer, 0.0)
+        self.step, self._at_will, self._longest = Step.RECORDING, True, MAX_RECORDING
+        self._armed = self._began = self._newest = newest
 
-    def tick(self, now: float) -> None:
-        """Nothing is due by the clock."""
-
-    def push(self, time: float, movement: Movement | None) -> State | Recorded | None:  # noqa: ARG002 - as a lesson
-        """Take in a frame's time; give the recording when it has its maximal length."""
-        self._newest = time
-        return self.stop(by_hand=True) if time - self._began >= MAX_RECORDING else None
-
-    def stop(self, *, by_hand: bool) -> State | Recorded:  # noqa: ARG002 - as a lesson
-        """End the recording: it is released, or no frames come for now."""
-        held = Stretch(self._began, self._newest)
-        if not held.duration >= MIN_SECONDS:
+    def _recorded(self, found: Stretch, *, by_hand: bool) -> State | Recorded:  # noqa: ARG002 - as a lesson
+        if not found.duration >= MIN_SECONDS:
             # A sender's clock that begins again gives a time below 0.
-            seconds = max(held.duration, 0.0)
-            return State(self.performer, Step.REFUSED, seconds, f"expected it to be held for {MIN_SECONDS:g} s or more")
+            seconds, reason = max(found.duration, 0.0), f"expected it to be held for {MIN_SECONDS:g} s or more"
+            return State(self.performer, Step.REFUSED, seconds, reason)
         self.left = 0
-        return Recorded(held, held)
+        return Recorded(found, found)
 
 
 #: Seconds that are remembered, and frames per second.
@@ -457,7 +447,7 @@ class Teacher:
         self, skeleton: Skeleton, roster: Roster, base_classes: Collection[str] = (), stillness: float = STILLNESS
     ) -> None:
         self.roster = roster
-        self.lesson: Lesson | HeldLesson | None = None
+        self.lesson: Lesson | None = None
         self.skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
         self._memories: dict[str, Memory] = {}
         self.named = NamedMotions()
@@ -610,7 +600,7 @@ class Teacher:
         motion.is_right, motion.number = False, number if self._number > number else 0
         return notices
 
-    def _went(self, lesson: Lesson | HeldLesson, step: State | Recorded | None) -> Told:
+    def _went(self, lesson: Lesson, step: State | Recorded | None) -> Told:
         """Give the notices of a lesson's step."""
         if step is None:
             return []

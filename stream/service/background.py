@@ -16,7 +16,7 @@ from kinespace.stream.packet import remember
 from kinespace.stream.recognizer.fitting import kinds_of
 
 #: Seconds after which a new process is given up.
-_MAX_START = 30.0
+_MAX_START = 60.0
 #: Ctrl-C and a closed terminal reach every process of the terminal. Some systems have SIGHUP, Windows has SIGBREAK.
 _TERMINAL = ("SIGINT", "SIGHUP", "SIGBREAK")
 

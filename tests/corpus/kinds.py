@@ -54,6 +54,12 @@ class Kind:
     near: float = 2e-4
     reads: bool = True
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is read as the body by its names, at its rate, of nobody, without a remark."""
+        said = self.tells or self.lacking or self.options or self.people != ("",) or self.rate != RATE
+        return self.reads and not said and self.names is NAMES and self.body is BODY
+
 
 BODY = body()
 TIMES = np.arange(len(BODY)) / RATE

@@ -1,25 +1,26 @@
 """The answers to a stream equal those computed from all frames again, at every hop and every rate."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import naive
 import naive_stream
 import naive_windows
 import numpy as np
 import pytest
-from naive_stream import NaiveFeed, NaiveHop
+from naive_stream import NaiveFeed
 from naive_windows import evidence, logit
 from twins import Twin
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, distance_rows
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, compiled, distance_rows
 from kinespace.stream import Frame, Outcome, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.decision import LEAD
 from kinespace.stream.recognizer.window import Window
 from kinespace.tools.feeding.feed import resampled
 
-#: Everything holds of the compiled loops and of numpy.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("arithmetic")]
+pytestmark = pytest.mark.slow
 
 #: How far a log distance may be from the twin's: library and window are compared in single precision.
 SAME = 1e-3
@@ -77,44 +78,60 @@ def _distances(answer: Recognition) -> np.ndarray:
     return np.log(1 / answer.scores - 1)
 
 
-def _assert_alike(answer: Recognition, hop: NaiveHop, twin: Twin) -> None:
+class Due(NamedTuple):
+    """What is due at a hop, as the twin computes it: log distances for naming, and those by which it is judged."""
+
+    time: float
+    named: np.ndarray
+    judged: np.ndarray
+    noise: float
+    movement: float
+
+
+def _assert_alike(answer: Recognition, due: Due) -> None:
     """Hold one answer against the twin's: time, distances of all classes, evidence, and how much moves."""
-    index = twin.index
-    assert answer.time == hop.time
-    numbers = twin.numbers(hop.time, hop.times, hop.rows)
-    views = twin.log_distances(numbers)
-    assert np.abs(_distances(answer) - twin.named(numbers)).max() <= SAME
-    by_groups = views[len(index.comparison.weighing.views) :]
-    judged = twin.unlikelihoods(numbers) if index.rejection.by_likelihood else by_groups
-    distances, leads = evidence(judged, answer.guess)
+    assert answer.time == due.time
+    assert np.abs(_distances(answer) - due.named).max() <= SAME
+    distances, leads = evidence(due.judged, answer.guess)
     assert answer.evidence.distances == pytest.approx(distances, abs=SAME)
     assert answer.evidence.leads == pytest.approx(leads, abs=2 * SAME)
-    assert answer.evidence.noise == pytest.approx(hop.noise, rel=1e-6, abs=1e-9)
+    assert answer.evidence.noise == pytest.approx(due.noise, rel=1e-6, abs=1e-9)
+    assert answer.movement == pytest.approx(due.movement, rel=SAME_MOVEMENT, abs=1e-9)
+
+
+def _due(twin: Twin, feed: NaiveFeed, frame: Frame, pairs: Sequence[tuple[int, int]]) -> tuple[Due | None, int]:
+    """Show the twin a frame; give what is due, if it is, and how often the feed has begun anew."""
+    hop = feed.push(frame.time, naive.distance_rows(frame.positions[None], pairs)[0])
+    if hop is None:
+        return None, feed.restarts
+    numbers = twin.numbers(hop.time, hop.times, hop.rows)
+    views = twin.log_distances(numbers)
+    by_groups = views[len(twin.index.comparison.weighing.views) :]
+    judged = twin.unlikelihoods(numbers) if twin.index.rejection.by_likelihood else by_groups
     movement = naive_windows.moved(naive_windows.moments(*hop.last(1.0)))
-    assert answer.movement == pytest.approx(movement, rel=SAME_MOVEMENT, abs=1e-9)
+    return Due(hop.time, twin.named(numbers, views), judged, hop.noise, movement), feed.restarts
 
 
 def _compare(twin: Twin, frames: Sequence[Frame], settings: Settings | None = None) -> list[Course]:
-    """Push frames to the recogniser and to its twin, compare at every frame, and give the answers."""
+    """Push frames to the twin, and to a recogniser of the compiled loops and one of numpy; give the last answers."""
     settings = replace(settings or Settings(), sensitivity=SENSITIVITY, plausibility=False)
-    recognizer = Recognizer(twin.index, settings)
     pairs = [(int(first), int(second)) for first, second in twin.index.library.skeleton.pairs]
     feed = NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap)
-    courses = [Course()]
-    for frame in frames:
-        answer = recognizer.push(frame)
-        hop = feed.push(frame.time, naive.distance_rows(frame.positions[None], pairs)[0])
-        if feed.restarts >= len(courses):
-            courses.append(Course())
-        assert (answer is None) == (hop is None), frame.time
-        if answer is not None and hop is not None:
-            _assert_alike(answer, hop, twin)
-            courses[-1].answers.append(answer)
-    assert recognizer.counts.out_of_order == feed.out_of_order
-    assert recognizer.counts.restarts == feed.restarts
-    assert recognizer.counts.hops == sum(len(course.answers) for course in courses)
-    for course in courses:
-        _assert_decided_alike(course, twin, settings)
+    due = [_due(twin, feed, frame, pairs) for frame in frames]
+    for arithmetic in (nullcontext, compiled.left_aside):
+        with arithmetic():
+            recognizer, courses = Recognizer(twin.index, settings), [Course() for _ in range(feed.restarts + 1)]
+            for frame, (expected, restarts) in zip(frames, due, strict=True):
+                answer = recognizer.push(frame)
+                assert (answer is None) == (expected is None), frame.time
+                if answer is not None and expected is not None:
+                    _assert_alike(answer, expected)
+                    courses[restarts].answers.append(answer)
+            assert recognizer.counts.out_of_order == feed.out_of_order
+            assert recognizer.counts.restarts == feed.restarts
+            assert recognizer.counts.hops == sum(len(course.answers) for course in courses)
+            for course in courses:
+                _assert_decided_alike(course, twin, settings)
     return courses
 
 
@@ -236,6 +253,7 @@ def _long_motion() -> Iterator[np.ndarray]:
         yield distance_rows(positions, body)
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_two_hundred_thousand_frames() -> None:
     """After so many frames of motion the sums of a window are as exact as at first."""
     window, rows, pushed, length = Window([0.5], [0.5], np.eye(28)), np.empty((0, 28)), 0, 60

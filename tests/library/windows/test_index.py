@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
+from synthetic import STICK, STICK_CLASSES, stick_clip
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
@@ -16,18 +16,6 @@ from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.arguments import joints_of
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-
-
-@pytest.fixture(scope="module")
-def people() -> MotionLibrary:
-    """Give a library of small bodies: three classes by three people, who teach it."""
-    return MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
-
-
-@pytest.fixture(scope="module")
-def people_index(people: MotionLibrary) -> WindowIndex:
-    """Give the windows of this library."""
-    return WindowIndex.of(people)
 
 
 @pytest.fixture(scope="module")

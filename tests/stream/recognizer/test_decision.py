@@ -12,7 +12,7 @@ from kinespace.library import MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
 from kinespace.stream import Event, LiveSignature, Outcome, Recognition, Settings
-from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.decision import Decision, Hysteresis
 from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
 from kinespace.stream.recognizer.settings import index_for
 
@@ -34,6 +34,24 @@ def _recognition(
 
 def _pushed(decision: Decision, recognitions: Iterable[Recognition]) -> list[Event]:
     return [event for recognition in recognitions for event in decision.events(recognition)]
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.floats(0, 2), st.floats(0, 0.2)), max_size=60), st.floats(0.01, 3))
+def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, float, float]], needed: float) -> None:
+    """The lead of the name in front, times thirtieths of a second, counts since it came to the front, and once."""
+    hysteresis, names, gathered, current = Hysteresis(needed), "abcd", 0.0, None
+    for hop, (leader, pace, elapsed) in enumerate(course):
+        gathered = 30 * pace * elapsed + (gathered if hop and course[hop - 1][0] == leader else 0.0)
+        if abs(gathered - needed) < 1e-6:
+            return
+        taken = names[leader] != current and gathered > needed
+        current = names[leader] if taken else current
+        assert hysteresis.push(names[leader], pace, elapsed) == taken
+        assert hysteresis.current == current
+    hysteresis.keep({"a", "b"})
+    assert hysteresis.current == (current if current in {"a", "b", None} else None)
+    hysteresis.clear()
+    assert hysteresis.current is None
 
 
 # --- guesses -----------------------------------------------------------------------------------------------------

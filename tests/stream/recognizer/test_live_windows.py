@@ -10,7 +10,7 @@ from twins import Twin
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparison import by_paper
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother
 
 #: Largest error of a part of the distances, and of the matrix of scaled eigenvectors. A rigid distance's deviation is
 #: the root of a variance that is right to nine digits of the largest, so its spread is not.
@@ -96,3 +96,12 @@ def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: Windo
     live.exchange(index)
     assert live.longest == (2.0 if index is small_index else 0.75)
     _assert_by_definition(live, live.read(), index, times, rows)
+
+
+def test_the_noise_of_one_performer_is_not_the_next_ones() -> None:
+    """Cleared, rows are averaged no longer; `test_a_trembling_sensor` compares the averages with the twin's."""
+    smoother = RowSmoother(np.arange(3), 3)
+    smoother.smooth((np.arange(30) / 30).tolist(), np.random.default_rng(1).normal(size=(30, 3)))
+    assert smoother.noise >= NOISY
+    smoother.clear()
+    assert smoother.noise == 0.0

@@ -38,20 +38,17 @@ def asking(builtin: MotionLibrary) -> tuple[Clip, ...]:
     return tuple(last[name] for name in CLASSES)
 
 
-def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping[Part, np.ndarray]]:
+def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
     """Give the numbers of a motion's windows one by one."""
-    ends = window_ends(clip, every)
+    ends = window_ends(clip, 0.4)
     cut, _ = cut_windows([clip], [ends], index.body, index.basis, index.comparison.weighing)
     return [{part: numbers[place].copy() for part, numbers in cut.items()} for place in range(len(ends))]
 
 
 def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
     """Compare one window with every window of an index, as at each hop."""
-    return index.distances([_shown(index, numbers)])[0].logs
-
-
-def _shown(index: WindowIndex, numbers: Mapping[Part, np.ndarray], leading: np.ndarray | None = None) -> Signature:
-    return Signature(numbers, np.zeros(len(index.basis.directions.T)) if leading is None else leading, 0.1, 0.5, 0.5)
+    leading = np.zeros(len(index.basis.directions.T))
+    return index.distances([Signature(numbers, leading, 0.1, 0.5, 0.5)])[0].logs
 
 
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:

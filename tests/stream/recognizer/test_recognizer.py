@@ -28,10 +28,9 @@ from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_s
 from kinespace.tools.feeding.feed import resampled
 
 
-def _frames(class_name: str, *, seconds: float = 3.0, rate: float = 120.0, start: float = 0.0) -> list[Frame]:
-    """Perform a class once a second or so, at a frame rate, from a moment on."""
-    clip = stick_clip(class_name, seed=50, frames=round(seconds * rate), rate=rate)
-    return shown(clip.positions, rate, begin=start)
+def _frames(class_name: str) -> list[Frame]:
+    """Perform a class twice a second, for three seconds."""
+    return shown(stick_clip(class_name, seed=50, frames=360).positions)
 
 
 # --- when it answers ---------------------------------------------------------------------------------------------

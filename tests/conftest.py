@@ -160,6 +160,18 @@ def sticks() -> MotionLibrary:
 
 
 @pytest.fixture(scope="session")
+def people() -> MotionLibrary:
+    """Give a library of the same body that three people teach: one object, so that it is opened once."""
+    return MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
+
+
+@pytest.fixture(scope="session")
+def people_index(people: MotionLibrary) -> WindowIndex:
+    """Give the windows of this library."""
+    return WindowIndex.of(people)
+
+
+@pytest.fixture(scope="session")
 def small_library() -> MotionLibrary:
     """Give a library that opens fast: one object, so that it is opened once."""
     return programs.small_library()

@@ -23,11 +23,11 @@ _HEIGHTS = (0.94, 1.16, 1.44, 1.54, 1.39, 1.12, 0.88, 1.39, 1.12, 0.88, 0.89, 0.
 _SIDES = (0, 0, 0, 0, 0.17, 0.24, 0.31, -0.17, -0.24, -0.31, 0.09, 0.09, 0.1, -0.09, -0.09, -0.1)
 
 
-def body(frames: int = 48, shift: float = 0.0) -> NDArray[np.float64]:
-    """Give a body that bends its knees and lifts its left hand, (frames, joints, 3), metres, to a tenth of a millimetre."""
-    at = np.linspace(0, np.pi, frames)[:, None]
+def body() -> NDArray[np.float64]:
+    """Give a body that bends its knees and lifts its left hand, (48, joints, 3), metres, to a tenth of a millimetre."""
+    at = np.linspace(0, np.pi, 48)[:, None]
     heights, sides = np.array(_HEIGHTS), np.array(_SIDES)
-    x = sides + shift + 0.05 * np.sin(at) * sides
+    x = sides + 0.05 * np.sin(at) * sides
     y = heights - 0.3 * np.sin(at) * np.clip(heights - 0.1, 0, 0.8)
     z = 0.02 + 0.1 * np.sin(at) * (heights < 0.6) + 0.3 * np.sin(at) * (np.array(NAMES) == "LeftHand")
     return np.round(np.stack([x, y, z], axis=2), 4)
@@ -53,6 +53,12 @@ class Kind:
     body: NDArray[np.float64] = field(default_factory=lambda: BODY)
     near: float = 2e-4
     reads: bool = True
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is read as the body by its names, at its rate, of nobody, without a remark."""
+        said = self.tells or self.lacking or self.options or self.people != ("",) or self.rate != RATE
+        return self.reads and not said and self.names is NAMES and self.body is BODY
 
 
 BODY = body()

@@ -12,8 +12,12 @@ from kinespace.library.recordings import Reading, RecordingError, RecordingReade
 from kinespace.tools.cli.main import main
 
 AS_THEY_ARE = Naming.asked("as-they-are")
-#: Those without names are of 72,000 frames, whose counts `convert` does not write.
-WRITTEN = [name for name, kind in KINDS.items() if kind.reads and kind.names]
+#: Of the many kinds that are the plain body, which are one clip once they are read, the first of each ending; of the
+#: others all that are read. Those without names are of 72,000 frames, whose counts `convert` does not write.
+PLAIN = {kind.ending: name for name, kind in reversed(KINDS.items()) if kind.is_plain}
+WRITTEN = [
+    name for name, kind in KINDS.items() if kind.reads and kind.names and (not kind.is_plain or name in PLAIN.values())
+]
 
 
 def read(folder: Path, kind: Kind) -> list[Clip]:

@@ -491,10 +491,10 @@ def test_a_crafted_file_is_refused(content: bytes, tmp_path: Path, change: Calla
     _assert_refused(tmp_path / "crafted.npz", _packed(header, arrays), message)
 
 
-def _with_member(content: bytes, name: str, member: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def _with_member(content: bytes, name: str, member: bytes) -> bytes:
     """Give a file with one array's bytes replaced, or added."""
     file = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(content)) as good, zipfile.ZipFile(file, "w", method) as archive:
+    with zipfile.ZipFile(io.BytesIO(content)) as good, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for each in good.namelist():
             if each != name:
                 archive.writestr(each, good.read(each))

@@ -28,28 +28,6 @@ def reaches(span: float, seconds: float) -> bool:
     return span >= seconds - MICROSECOND
 
 
-# --- one window --------------------------------------------------------------------------------------------------
-
-
-@dataclass
-class NaiveWindow:
-    """The window's rows, each a mark and its time in whole ticks, in a plain list; no rounding decides anything here.
-
-    A row at time t is in the window while the newest time is less than t + seconds, and while it is among the `most`
-    newest.
-    """
-
-    ticks: int
-    most: int
-    rows: list[tuple[int, float]] = field(default_factory=list)
-
-    def push(self, time: int, mark: float) -> None:
-        """Take in a row that holds one mark, and drop rows that are too old or too many."""
-        self.rows.append((time, mark))
-        while time >= self.rows[0][0] + self.ticks or len(self.rows) > self.most:
-            self.rows.pop(0)
-
-
 # --- a trembling sensor ------------------------------------------------------------------------------------------
 
 
@@ -100,12 +78,11 @@ class NaiveSmoother:
 
 @dataclass(frozen=True)
 class NaiveHop:
-    """What is due at one hop: its time, the rows to look at, and how often the feed has begun anew."""
+    """What is due at one hop: its time, the rows to look at, and their noise."""
 
     time: float
     times: Matrix
     rows: Matrix
-    restarts: int
     noise: float
 
     def last(self, seconds: float) -> tuple[Matrix, Matrix]:
@@ -152,7 +129,7 @@ class NaiveFeed:
         # Hops lie on a grid from the first answer on; a feed that misses a whole hop begins a new grid.
         self.due = self.due + self.hop if self.due + self.hop > time else time + self.hop
         times, rows = (np.array(each) for each in zip(*self.rows, strict=True))
-        return NaiveHop(time, times, rows, self.restarts, self.smoother.noise)
+        return NaiveHop(time, times, rows, self.smoother.noise)
 
     def _is_late(self, time: float) -> bool:
         """Say whether to refuse a frame; begin anew after a gap, or when the sender's clock began again."""

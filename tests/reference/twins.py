@@ -57,9 +57,9 @@ class Twin:
             best[name] = max(sum(ratios) / len(ratios), best.get(name, -math.inf))
         return np.array([[-best[name] / 5 for name in sorted(best)]])
 
-    def named(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
+    def named(self, numbers: Mapping[tuple[str, float], Matrix], views: Matrix) -> Matrix:
         """Give each class's log distance for naming: the least of the views, and what the head that was taught adds."""
-        views = self.log_distances(numbers)[: len(self.index.comparison.weighing.views)]
+        views = views[: len(self.index.comparison.weighing.views)]
         head = self.index.head
         if head is None:
             return views.min(axis=0)

@@ -4,15 +4,18 @@ import math
 import socket
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from types import UnionType
+from typing import Any, TypeVar
 
-from kinespace.stream import Announcement, Event, Frame, Performers, Recognition
+from kinespace.stream import Announcement, Frame, Performers
 from kinespace.stream.outputs import Sink
 from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.service.loop import Service
-from kinespace.stream.status import InputCounts, Status
-from kinespace.stream.teaching import Notice, State, Step
+from kinespace.stream.status import InputCounts
+from kinespace.stream.teaching import State, Step
+
+_Kind = TypeVar("_Kind")
 
 
 class FakeClock:
@@ -95,34 +98,13 @@ class FakeSink(Sink):
         else:
             self.told.append(message.names if isinstance(message, Classes) else message)
 
-    @property
-    def recognitions(self) -> list[Recognition]:
-        """The recognitions among them."""
-        return [each for each in self.told if isinstance(each, Recognition)]
-
-    @property
-    def events(self) -> list[Event]:
-        """The events among them."""
-        return [each for each in self.told if isinstance(each, Event)]
-
-    @property
-    def classes(self) -> list[tuple[str, ...]]:
-        """The classes, each time."""
-        return [each for each in self.told if isinstance(each, tuple)]
-
-    @property
-    def notices(self) -> list[Notice]:
-        """The notices of teaching among them."""
-        return [each for each in self.told if isinstance(each, Notice)]
+    def of(self, kind: type[_Kind] | UnionType) -> list[_Kind]:
+        """Give what is of a kind; the names of classes, each time, are a tuple."""
+        return [each for each in self.told if isinstance(each, kind)]
 
     def steps(self) -> list[Step]:
         """List the steps of the lessons that were told."""
-        return [each.step for each in self.notices if isinstance(each, State)]
-
-    @property
-    def statuses(self) -> list[Status]:
-        """The statuses among them."""
-        return [each for each in self.told if isinstance(each, Status)]
+        return [each.step for each in self.of(State)]
 
 
 class Bench:

@@ -128,12 +128,6 @@ def test_classes_that_two_people_perform() -> None:
     assert [each.tolist() for each in lessons.shared] == [[0, 1]]
 
 
-@pytest.fixture(scope="module")
-def people() -> MotionLibrary:
-    """Give three classes by three people."""
-    return MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
-
-
 def test_it_adds_how_unlikely_a_class_is() -> None:
     """Log distances grow by .06 of each class's negative log probability; parts lie one after another."""
     draw, names = np.random.default_rng(3), [*"aabbbccccc", *"abc" * 5]
@@ -174,9 +168,9 @@ def test_motions_stand_behind_others_of_the_same_person(people: MotionLibrary) -
     assert len(behind.motions) == sum(map(len, behind.ends)) < len(measured.motions)
 
 
-def test_where_it_helps(people: MotionLibrary, builtin: MotionLibrary) -> None:
+def test_where_it_helps(people_index: WindowIndex, builtin: MotionLibrary) -> None:
     """Only where a library's own people teach all parts together, and while all classes are theirs."""
-    index = WindowIndex.of(people)
+    index, people = people_index, people_index.library
     assert index.head.classes == people.classes
     assert WindowIndex.of(people, weighing=ACROSS_LABORATORIES).head is None
     assert WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb")))).head is None

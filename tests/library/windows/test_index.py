@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
+from synthetic import STICK, STICK_CLASSES, stick_clip
 from threadpoolctl import threadpool_limits
 from twins import Twin
 
@@ -16,18 +16,6 @@ from kinespace.library.windows.taught import teacher_of
 from kinespace.tools.cli.arguments import joints_of
 
 CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-
-
-@pytest.fixture(scope="module")
-def people() -> MotionLibrary:
-    """Give a library of small bodies: three classes by three people, who teach it."""
-    return MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc")))
-
-
-@pytest.fixture(scope="module")
-def people_index(people: MotionLibrary) -> WindowIndex:
-    """Give the windows of this library."""
-    return WindowIndex.of(people)
 
 
 @pytest.fixture(scope="module")
@@ -50,20 +38,17 @@ def asking(builtin: MotionLibrary) -> tuple[Clip, ...]:
     return tuple(last[name] for name in CLASSES)
 
 
-def _numbers(index: WindowIndex, clip: Clip, every: float = 0.4) -> list[Mapping[Part, np.ndarray]]:
+def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
     """Give the numbers of a motion's windows one by one."""
-    ends = window_ends(clip, every)
+    ends = window_ends(clip, 0.4)
     cut, _ = cut_windows([clip], [ends], index.body, index.basis, index.comparison.weighing)
     return [{part: numbers[place].copy() for part, numbers in cut.items()} for place in range(len(ends))]
 
 
 def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
     """Compare one window with every window of an index, as at each hop."""
-    return index.distances([_shown(index, numbers)])[0].logs
-
-
-def _shown(index: WindowIndex, numbers: Mapping[Part, np.ndarray], leading: np.ndarray | None = None) -> Signature:
-    return Signature(numbers, np.zeros(len(index.basis.directions.T)) if leading is None else leading, 0.1, 0.5, 0.5)
+    leading = np.zeros(len(index.basis.directions.T))
+    return index.distances([Signature(numbers, leading, 0.1, 0.5, 0.5)])[0].logs
 
 
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:

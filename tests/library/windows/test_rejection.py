@@ -74,21 +74,16 @@ def test_evidence_is_weighed(class_name: str, bias: float, slope: float) -> None
 
 
 def test_numbers_come_back_from_a_librarys_file() -> None:
-    """They are kept as named arrays of single precision."""
-    again = Rejection.of_kept(REJECTION.kept(), 2)
-    for name in ("weights", "thresholds", "typical"):
-        assert np.array_equal(getattr(again, name), getattr(REJECTION, name))
-    assert (again.offset, again.biases, again.slopes, again.joints) == (0.75, REJECTION.biases, REJECTION.slopes, 31)
-    assert again.over == 0.125
-    assert again.logit(EVIDENCE, "walk") == pytest.approx(REJECTION.logit(EVIDENCE, "walk"))
-
-
-def test_numbers_for_few_joints_lie_beside_the_others() -> None:
-    """Each comes back alone; a file without them says so."""
-    few = replace(REJECTION, offset=7.0, biases={"sit": 1.0}, joints=12)
+    """They are kept as named arrays of single precision, those for few joints beside the others, if there are any."""
+    few = replace(REJECTION, offset=7.0, biases={"sit": 1.0}, slopes={}, joints=12)
     learned = {**REJECTION.kept(), **few.kept(few=True)}
-    for kept, expected in ((Rejection.of_kept(learned, 2, few=each), (REJECTION, few)[each]) for each in (False, True)):
-        assert (kept.offset, kept.biases, kept.joints) == (expected.offset, expected.biases, expected.joints)
+    for is_few, kept in ((False, REJECTION), (True, few)):
+        again = Rejection.of_kept(learned, 2, few=is_few)
+        for name in ("weights", "thresholds", "typical"):
+            assert np.array_equal(getattr(again, name), getattr(kept, name))
+        assert (again.offset, again.biases, again.slopes) == (kept.offset, kept.biases, kept.slopes)
+        assert (again.joints, again.over) == (kept.joints, 0.125)
+        assert again.logit(EVIDENCE, "walk") == pytest.approx(kept.logit(EVIDENCE, "walk"))
     assert [judging.most_of_few(each) for each in (learned, REJECTION.kept(), {})] == [12, 0, 0]
 
 

@@ -1,57 +1,16 @@
-"""The last seconds: rows in a sliding window, averaged where a feed trembles, and the parts read off them."""
+"""The last seconds: rows in a sliding window, and the parts read off them."""
 
 from dataclasses import replace
-from functools import cache
 
 import naive_windows
 import numpy as np
 import pytest
-from naive_stream import NaiveSmoother
 from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
-from kinespace.library.signature.body import Body
 from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparison import by_paper
 from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother
-
-# --- smoothing --------------------------------------------------------------------------------------------------------
-
-
-@cache
-def _trembling_rows(noise: float, rate: float = 30.0) -> tuple[list[float], np.ndarray, np.ndarray]:
-    """Give times, clean rows and noisy rows of a real motion; noise in metres on every coordinate."""
-    clip = max(MotionLibrary.builtin().motions, key=lambda each: each.frames)
-    step = max(1, round(clip.frame_rate / rate))
-    positions = clip.positions[::step]
-    shaken = positions + np.random.default_rng(3).normal(0, noise, positions.shape)
-    times = (np.arange(len(positions)) * step / clip.frame_rate).tolist()
-    return times, distance_rows(positions, clip.skeleton), distance_rows(shaken, clip.skeleton)
-
-
-@pytest.mark.parametrize("together", [1, 3, 4])
-@pytest.mark.parametrize("begins", [50, 120])
-def test_a_feed_that_begins_to_tremble_is_smoothed_as_by_the_twin(begins: int, together: int) -> None:
-    """At every hop the rows and the noise are the twin's: before, while and after, also as the memory moves back."""
-    times, clean, shaken = _trembling_rows(0.03)
-    rows = np.concatenate([clean[:begins], shaken[begins : begins + 30], clean[begins + 30 :]])
-    segments = Body.of(MotionLibrary.builtin().skeleton).segments
-    smoother, twin = RowSmoother(segments, rows.shape[1]), NaiveSmoother(segments.tolist())
-    was_noisy = list[bool]()
-    for begin in range(0, len(rows), together):
-        some = rows[begin : begin + together].copy()
-        when = times[begin : begin + len(some)]
-        expected = twin.smoothed([*zip(when, some.copy(), strict=True)])
-        smoother.smooth(when, some)
-        np.testing.assert_allclose(some, [row for _, row in expected], rtol=0, atol=1e-12)
-        assert smoother.noise == pytest.approx(twin.noise, rel=1e-9)
-        was_noisy.append(smoother.noise >= NOISY)
-    assert (was_noisy[0], any(was_noisy), was_noisy[-1]) == (False, True, False)
-    smoother.clear()
-    assert smoother.noise == 0
-
-
-# --- live windows -----------------------------------------------------------------------------------------------------
 
 #: Largest error of a part of the distances, and of the matrix of scaled eigenvectors. A rigid distance's deviation is
 #: the root of a variance that is right to nine digits of the largest, so its spread is not.
@@ -137,3 +96,12 @@ def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: Windo
     live.exchange(index)
     assert live.longest == (2.0 if index is small_index else 0.75)
     _assert_by_definition(live, live.read(), index, times, rows)
+
+
+def test_the_noise_of_one_performer_is_not_the_next_ones() -> None:
+    """Cleared, rows are averaged no longer; `test_a_trembling_sensor` compares the averages with the twin's."""
+    smoother = RowSmoother(np.arange(3), 3)
+    smoother.smooth((np.arange(30) / 30).tolist(), np.random.default_rng(1).normal(size=(30, 3)))
+    assert smoother.noise >= NOISY
+    smoother.clear()
+    assert smoother.noise == 0.0

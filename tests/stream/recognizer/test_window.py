@@ -1,69 +1,18 @@
-"""The window: rows like a plain list's, and moments and covariances like the textbook's after every change."""
-
-from unittest import mock
+"""The window: how many rows it holds; `test_live_windows` compares rows and moments with their definition."""
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from naive_stream import NaiveWindow
 
-from kinespace.stream.recognizer import window as recognizer_window
-from kinespace.stream.recognizer.window import Window
-
-#: Everything holds of the compiled functions and of numpy.
-pytestmark = pytest.mark.usefixtures("arithmetic")
-
-#: Times are counted in these, so that the twin's are whole numbers.
-TICKS = 960
-WIDTH = 6
+from kinespace.stream.recognizer.window import MAX_FEED_RATE, Window
 
 
-def _window(seconds: float, *others: float) -> Window:
-    """Give a window whose points are its rows, with spans of so many seconds."""
-    spans = sorted({seconds, *others})
-    return Window(spans, spans, np.eye(WIDTH))
-
-
-def _rows(*marks: float) -> np.ndarray:
-    return np.array([mark + np.arange(WIDTH) for mark in marks]).reshape(len(marks), WIDTH)
-
-
-@pytest.mark.slow
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    ticks=st.integers(1, 2 * TICKS),
-    largest_step=st.sampled_from([1, 8, 40, 3 * TICKS]),
-    fastest=st.sampled_from([1.0, 20.0, 960.0]),
-    largest_batch=st.sampled_from([1, 2, 5, 200]),
-)
-@settings(max_examples=30)
-def test_the_window_equals_a_plain_list(
-    seed: int, ticks: int, largest_step: int, fastest: float, largest_batch: int
-) -> None:
-    """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
-    generator = np.random.default_rng(seed)
-    with mock.patch.object(recognizer_window, "MAX_FEED_RATE", fastest):
-        window = _window(ticks / TICKS)
-    twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
-    time, mark = int(generator.integers(-1000, 1000)), 0
-    while mark < 700:
-        count = int(generator.integers(1, largest_batch + 1))
-        steps = generator.integers(1, largest_step + 1, size=count)
-        steps[generator.random(count) < 0.03] += 5 * TICKS
-        times, marks = (time + steps.cumsum()).tolist(), range(mark, mark + count)
-        window.push([each / TICKS for each in times], _rows(*marks))
-        for each, index in zip(times, marks, strict=True):
-            twin.push(each, index)
-        time, mark = times[-1], mark + count
-        rows, points = window.recent()
-        assert rows.tolist() == points.tolist() == _rows(*[kept for _, kept in twin.rows]).tolist()
-        assert window.times.tolist() == [each / TICKS for each, _ in twin.rows]
-        if generator.random() < 0.2:
-            found = window.moments(ticks / TICKS)
-            assert found.mean[0] == pytest.approx(rows.mean(axis=0))
-            assert found.deviation[0] == pytest.approx(rows.std(axis=0), abs=1e-6)
-        if generator.random() < 0.01:
-            window.clear()
-            twin.rows.clear()
-            time -= int(generator.integers(0, 2000))
+def test_a_feed_that_is_too_fast_shortens_the_window() -> None:
+    """It holds the newest rows, as many as the fastest feed has in its seconds, also as rows move back in memory."""
+    window, most = Window([0.5], [0.5], np.eye(2)), round(0.5 * MAX_FEED_RATE)
+    for number in range(3 * most):
+        window.push([number / MAX_FEED_RATE / 2], np.full((1, 2), float(number)))
+        kept = range(max(number + 1 - most, 0), number + 1)
+        assert window.recent()[0].tolist() == [[each, each] for each in kept]
+    found = window.moments(0.5)
+    np.testing.assert_allclose([found.mean[0], found.deviation[0]], [[np.mean(kept)] * 2, [np.std(kept)] * 2])
+    window.clear()
+    assert not len(window.times)

@@ -20,6 +20,7 @@ from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
 from kinespace.stream.service.worker import SentFrame
+from kinespace.stream.status import Status
 from kinespace.stream.teaching import Asked, State, commands
 
 #: Seconds a test waits for something that must happen, before it gives up.
@@ -85,8 +86,7 @@ def test_all_that_waits_is_answered_to_all(sticks: MotionLibrary, source: FakeSo
     expected = [(type(each), each.time, each.label) for each in answers]
     assert [label for kind, _, label in expected if kind is Event] == ["bow", "bow", "jump"]
     for sink in sinks:
-        told = [each for each in sink.told if isinstance(each, Recognition | Event)]
-        assert [(type(each), each.time, each.label) for each in told] == expected
+        assert [(type(each), each.time, each.label) for each in sink.of(Recognition | Event)] == expected
     assert sinks[1].frames == frames
     assert (service.status().notes, service.status().unsent) == (Watching.notes, 0)
 
@@ -120,7 +120,7 @@ def test_a_sinks_error_is_counted_and_ends_nothing(sticks: MotionLibrary, source
         service.step(0.0)
     service.stop()
     service.run()
-    assert sinks[1].events
+    assert sinks[1].of(Event)
     assert sinks[1].gone == ["p"]
     assert service.status().unsent >= len(sinks[1].told)
     assert "Broken: OverflowError: Gone" in service.status().notes
@@ -161,7 +161,7 @@ def test_motions_that_were_done_are_counted(monkeypatch: pytest.MonkeyPatch, ben
     perform("bob", 3.0)
     bench.step(6.0)
     perform("bob", 3.5)
-    told = [(each.performer, each.label, each.count) for each in bench.sink.told if isinstance(each, Done)]
+    told = [(each.performer, each.label, each.count) for each in bench.sink.of(Done)]
     ada = [("Ada 1", "bow", 1), ("Ada 1", "bow", 2), ("Ada 1", "wave", 1)]
     again = [("Ada 1", "bow", 1), ("bob", "bow", 2), ("bob", "bow", 1), ("bob", "bow", 1)]
     assert told == [*ada, ("bob", "bow", 1), ("Ada 1", "dip", 3), *again]
@@ -183,7 +183,7 @@ def test_of_old_packets_the_newest_is_answered(
         source.waited = source.lag = waited
         bench, expected = Bench(Performers(sticks), source), _expected(sticks, frames)
         bench.step()
-    status, times = bench.service.status(), [each.time for each in bench.sink.recognitions]
+    status, times = bench.service.status(), [each.time for each in bench.sink.of(Recognition)]
     assert times == ([each.time for each in expected] if all_answered else [frames[-1].time])
     assert (status.inputs.stale == 0) is all_answered
     assert waited < status.hop_p50 < waited + PATIENCE
@@ -192,11 +192,11 @@ def test_of_old_packets_the_newest_is_answered(
 def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
     """Both are sent at the start, then the status every second and the classes every five."""
     bench.step()
-    assert (len(bench.sink.classes), len(bench.sink.statuses)) == (1, 1)
+    assert (len(bench.sink.of(tuple)), len(bench.sink.of(Status))) == (1, 1)
     for _ in range(80):
         bench.step(0.125)
-    assert (len(bench.sink.classes), len(bench.sink.statuses)) == (1 + 2, 1 + 10)
-    assert set(bench.sink.classes) == {STICK_CLASSES}
+    assert (len(bench.sink.of(tuple)), len(bench.sink.of(Status))) == (1 + 2, 1 + 10)
+    assert set(bench.sink.of(tuple)) == {STICK_CLASSES}
 
 
 def test_a_stopped_service_answers_the_waiting_packets(
@@ -209,7 +209,7 @@ def test_a_stopped_service_answers_the_waiting_packets(
     bench.service.stop()
     bench.service.run()
     assert not bench.sources[0].waiting
-    assert len(bench.sink.recognitions) == len(_expected(sticks, frames))
+    assert len(bench.sink.of(Recognition)) == len(_expected(sticks, frames))
 
 
 def test_an_endless_feed_does_not_keep_it_from_stopping(
@@ -271,12 +271,14 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
             service.run()
         assert control.carried_out == [each.command for each in packets if isinstance(each, Asked)]
         assert control.tended
-        assert set(sink.classes) == {("taught",)}
-        assert sink.recognitions
-        assert any(each.class_name for each in sink.recognitions) is answers
-        assert bool(sink.events) is answers
+        assert set(sink.of(tuple)) == {("taught",)}
+        assert sink.of(Recognition)
+        assert any(each.class_name for each in sink.of(Recognition)) is answers
+        assert bool(sink.of(Event)) is answers
         if not answers:
-            assert {(each.label, each.score, each.guess_index) for each in sink.recognitions} == {("unknown", 0.0, -1)}
+            assert {(each.label, each.score, each.guess_index) for each in sink.of(Recognition)} == {
+                ("unknown", 0.0, -1)
+            }
 
 
 def test_of_commands_without_end_some_wait(sticks: MotionLibrary) -> None:
@@ -288,7 +290,7 @@ def test_of_commands_without_end_some_wait(sticks: MotionLibrary) -> None:
         service.stop()
         service.run()
     assert len(control.carried_out) == service_module.MAX_ASKED
-    assert [each.reason for each in sink.told if isinstance(each, State)] == [
+    assert [each.reason for each in sink.of(State)] == [
         f"too many commands: expected at most {service_module.MAX_ASKED} that wait"
     ]
 
@@ -316,8 +318,8 @@ def test_an_end_is_said_if_the_start_was(
     control.muted, control.answers = then
     service.stop()
     service.run()
-    assert [str(event.kind) for event in sink.events] == kinds
-    assert any(isinstance(each, Done) for each in sink.told) is bool(kinds)
+    assert [str(event.kind) for event in sink.of(Event)] == kinds
+    assert bool(sink.of(Done)) is bool(kinds)
 
 
 #: Seconds that a packet and an answer take.
@@ -379,7 +381,9 @@ def test_answers_get_rarer_for_all_alike_and_stay_fresh(sticks: MotionLibrary) -
             worst = bench.service.status().answered
     source.close()
     # The load asks for 600 answers a second, of which the machine gives 150 or so.
-    during = Counter(each.performer for each, at in zip(sink.recognitions, sink.came, strict=True) if at < 1000 + _LOAD)
+    during = Counter(
+        each.performer for each, at in zip(sink.of(Recognition), sink.came, strict=True) if at < 1000 + _LOAD
+    )
     assert len(during) == _CROWD
     assert min(during.values()) > 4 * _LOAD
     assert max(during.values()) < 1.5 * min(during.values())

@@ -65,10 +65,9 @@ def test_what_must_not_be_said_only_lowers_limits(
 
 
 @pytest.mark.slow
-def test_windows_of_undone_examples_are_forgotten() -> None:
+def test_windows_of_undone_examples_are_forgotten(people_index: WindowIndex) -> None:
     """Of examples that were taught and undone eleven are kept at most; one taught again is compared as before."""
-    base = WindowIndex.of(MotionLibrary.of_clips(stick_clips(actors=("aa", "bb", "cc"))))
-    windows, motion = TaughtWindows(base, with_base=True), stick_clip("wave", frames=120)
+    windows, motion = TaughtWindows(people_index, with_base=True), stick_clip("wave", frames=120)
     first, *_ = indices = [
         windows.index_of(Roster((Example(number, "mine", motion, 0.0, 1.0),))) for number in (*range(1, 16), 1)
     ]

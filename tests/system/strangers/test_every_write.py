@@ -45,10 +45,7 @@ ARGUMENTS = {
     "live": "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
     "record": "a.kinerec --osc-in 127.0.0.1:0",
     "demo": "squat1Reps",
-    "info": "",
-    "listen": "127.0.0.1:0 --seconds 0.5",
     "latency": "--transport osc --seconds 0.5",
-    "keys": "ann",
 }
 SAID = {"live": "listening on(.|\n)*WebSocket", "record": "recording"}
 

@@ -127,11 +127,16 @@ def run(test: Coroutine[Any, Any, None]) -> None:
     asyncio.run(asyncio.wait_for(test, PATIENCE))
 
 
+def _read(message: bytes) -> tuple[dict[str, Any], bytes]:
+    """Read what a page reads: the JSON, and the bodies behind it."""
+    size = int.from_bytes(message[:4], "little")
+    assert size % 4 == 0
+    return json.loads(message[4 : 4 + size]), message[4 + size :]
+
+
 async def told(page: ClientConnection) -> dict[str, Any]:
     """Wait for the next message, and read its JSON."""
-    message = await page.recv()
-    read: dict[str, Any] = json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
-    return read
+    return _read(await page.recv())[0]
 
 
 async def drawn_until(page: ClientConnection, news: dict[str, Any], key: str) -> dict[str, Any]:
@@ -234,11 +239,8 @@ def _status(**fields: Any) -> list[bytes]:  # noqa: ANN401 - a status has fields
 
 
 def _told(board: Board, seen: int = 0, now: float = 0.0) -> tuple[dict[str, Any], bytes]:
-    """Read what a page reads: the JSON, and the bodies behind it."""
-    message = board.news(seen, now)
-    size = int.from_bytes(message[:4], "little")
-    assert size % 4 == 0
-    return json.loads(message[4 : 4 + size]), message[4 + size :]
+    """Read what a page is told."""
+    return _read(board.news(seen, now))
 
 
 def _board(*messages: list[bytes], now: float = 0.0) -> Board:
@@ -423,10 +425,6 @@ def test_only_the_pages_own_files_are_given(target: str) -> None:
 _STATIC = resources.files("kinespace.tools.page") / "static"
 
 
-def _given(name: str, gate: Gate | None = None) -> Response:
-    return (gate or Gate()).answer(f"/{name}", {"host": "localhost:8010"})
-
-
 def test_a_motion_of_each_class_is_given_to_whoever_may_look(tmp_path: Path) -> None:
     """It has at most twelve pictures a second, of a motion of the class; files that are no library are left out."""
     sticks = stick_clips()
@@ -465,7 +463,7 @@ def test_everything_that_is_given_is_guarded() -> None:
         text = file.read_text()
         assert "innerHTML" not in text
         assert not any(scheme in text.replace("http://www.w3.org/2000/svg", "") for scheme in _ELSEWHERE)
-        reply = _given(file.name)
+        reply = Gate().answer(f"/{file.name}", {"host": "localhost:8010"})
         assert reply.status_code == 200
         assert reply.body == file.read_bytes()
         policy = reply.headers["Content-Security-Policy"]

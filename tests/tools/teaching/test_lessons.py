@@ -22,7 +22,7 @@ from kinespace.stream.frame import Admitted
 from kinespace.stream.inputs import commands as requests
 from kinespace.stream.inputs.commands import RequestSource
 from kinespace.stream.recognizer import SentJoints
-from kinespace.stream.teaching import Asked, Command, State, Step, Taught, Teacher, commands
+from kinespace.stream.teaching import Asked, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.zeromq import Endpoint
@@ -108,8 +108,8 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     _teach(stage, 10, "my squat", "squat1Reps")
     heard = stage.until(lambda heard: Step.DONE in heard.steps())
     assert stage.classes == (*library.classes, "my squat")
-    assert heard.classes[-1] == stage.classes
-    assert [each.class_name for each in heard.notices if isinstance(each, Taught)] == ["my squat"]
+    assert heard.of(tuple)[-1] == stage.classes
+    assert [each.class_name for each in heard.of(Taught)] == ["my squat"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
     stage.command(commands.Rename("my squat", "bend"))
     stage.until(lambda _: stage.classes[-1] == "bend")
@@ -131,14 +131,14 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     for begin in (30, 40):
         _teach(stage, begin, "my squat", "squat1Reps")
         stage.until(lambda heard, many=1 + begin // 40: heard.steps().count(Step.DONE) == many)  # type: ignore[misc]
-    first, second = (each.tried for each in stage.heard.notices if isinstance(each, Taught))
+    first, second = (each.tried for each in stage.heard.of(Taught))
     assert (first.done, second.done) == (2, 2)
     assert (first.seconds, second.seconds) == (pytest.approx(30.0, abs=1.5), pytest.approx(40.0, abs=1.5))
     assert _show(stage, 50, "squat1Reps", 1)[:1] == ["my squat"]
     stage.lessons.send(Event("ann", EventKind.START, "my squat", 0, 0.9, 52.0))
     stage.command(commands.Wrong())
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 3)
-    assert stage.heard.notices[-2] == Taught("nothing", 1, pytest.approx(3.0, abs=1.0), "good", Tried())
+    assert stage.heard.of(Notice)[-2] == Taught("nothing", 1, pytest.approx(3.0, abs=1.0), "good", Tried())
     assert "my squat" not in _show(stage, 60, "squat1Reps", 1)
 
 
@@ -154,7 +154,7 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
     heard = stage.until(lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
-    told = [each.reason for each in heard.notices if isinstance(each, State) and each.step is Step.REFUSED]
+    told = [each.reason for each in heard.of(State) if each.step is Step.REFUSED]
     assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
     assert stage.lessons.has_unsaved
@@ -162,7 +162,7 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "far").mkdir()
     (tmp_path / "mine.npz").symlink_to(tmp_path / "far" / "mine.npz")
     monkeypatch.setattr(library_file, "write", write)
-    stage.until(lambda heard: State("", Step.DONE, 0.0, "mine.npz saved, examples: 1") in heard.notices)
+    stage.until(lambda heard: State("", Step.DONE, 0.0, "mine.npz saved, examples: 1") in heard.of(State))
     assert not stage.lessons.has_unsaved
     assert (tmp_path / "mine.npz").is_symlink()
 

@@ -162,21 +162,13 @@ def test_roots_without_joints_are_no_body(tmp_path: Path) -> None:
         list(read_recordings([tmp_path / "roots.bvh"]))
 
 
-# --- C3D and tables --------------------------------------------------------------------------------------------------
-
-WALK = np.random.default_rng(3).uniform(0.0, 900.0, (40, 3, 3))
+# --- tables -----------------------------------------------------------------------------------------------------------
 
 
-# --- C3D ---------------------------------------------------------------------------------------------------------
-
-
-# --- tables ------------------------------------------------------------------------------------------------------
-
-
-def table(folder: Path, text: str, name: str = "take.csv") -> Clip:
+def table(folder: Path, text: str) -> Clip:
     """Write a table and read it."""
-    (folder / name).write_text(text)
-    return joint_table.read_clips(folder / name)[0]
+    (folder / "take.csv").write_text(text)
+    return joint_table.read_clips(folder / "take.csv")[0]
 
 
 def test_uneven_times_are_put_on_an_even_grid(tmp_path: Path) -> None:

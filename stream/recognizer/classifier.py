@@ -18,10 +18,9 @@ from kinespace.library.windows.cutting import Measured, every_in, window_ends
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Frame
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.live_windows import window_of
 from kinespace.stream.recognizer.recognizer import Recognizer
 from kinespace.stream.recognizer.settings import Settings
-from kinespace.stream.recognizer.window import signature
+from kinespace.stream.recognizer.window import Window
 
 #: Seconds added to the times of two windows before they are compared: a motion's first moments are alike.
 _BEGINNING = 0.3
@@ -191,13 +190,13 @@ def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timin
     As the recogniser has it, but that windows at other times since the beginning are farther: by `timing` times the
     logarithm of how many times as long after it.
     """
-    comparison, comparer, window = index.comparison, index.comparer, window_of(index)
+    comparison, comparer, window = index.comparison, index.comparer, Window(index)
     weighing = comparison.weighing
     times, rows = clip.times.tolist(), distance_rows(clip.positions, clip.skeleton)
     seen = list[Signature]()
     for begin, end in pairwise([0, *ends.tolist()]):
         window.push(times[begin:end], rows[begin:end])
-        seen.append(signature(window, weighing.parts, index.body, weighing.eigenvectors))
+        seen.append(window.shown())
     numbers = {part: np.array([each.parts[part] for each in seen]) for part in weighing.parts}
     placed, asked = comparison.placed_and_joined(numbers)
     since = ends[:, None] / clip.frame_rate + _BEGINNING

@@ -14,7 +14,7 @@ from kinespace.library.windows.comparison import NEAREST
 from kinespace.library.windows.cutting import window_ends
 from kinespace.stream import MotionClassifier
 from kinespace.stream.recognizer.classifier import seconds_into
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.window import Window
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +34,7 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
     assert classifier.fit(CLIPS[::2], NAMES[::2]) is classifier
     assert classifier.classes_.tolist() == list(CLASSES)
     asked, index = CLIPS[1], opened(classifier.library_)
-    windows, logs, before = LiveWindows(index), [], 0
+    windows, logs, before = Window(index), [], 0
     whose = [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
     ends = window_ends(asked, 0.1)
     for end in ends.tolist():

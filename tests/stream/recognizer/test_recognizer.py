@@ -22,9 +22,9 @@ from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Comparer, Distances
 from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings, recognise
 from kinespace.stream.frame import MAX_DISTANCE
-from kinespace.stream.recognizer.live_windows import LiveWindows
 from kinespace.stream.recognizer.recognizer import answers_to
 from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.window import Window
 from kinespace.tools.feeding.feed import resampled
 
 
@@ -273,7 +273,7 @@ def test_a_body_at_rest_is_answered_as_if_all_were_compared(
     answers = []
     for rests in (True, False):
         if not rests:
-            monkeypatch.setattr(LiveWindows, "_rests", lambda _: False)
+            monkeypatch.setattr(Window, "_rests", lambda _: False)
         recognizer = Recognizer(builtin)
         answers.append([answer for frame in frames if (answer := recognizer.push(frame))])
         reads.append(0)

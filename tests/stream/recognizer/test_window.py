@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveWindow
+from synthetic import plain_index
 
 from kinespace.stream.recognizer import window as recognizer_window
 from kinespace.stream.recognizer.window import Window
@@ -16,13 +17,8 @@ pytestmark = pytest.mark.usefixtures("arithmetic")
 
 #: Times are counted in these, so that the twin's are whole numbers.
 TICKS = 960
-WIDTH = 6
-
-
-def _window(seconds: float, *others: float) -> Window:
-    """Give a window whose points are its rows, with spans of so many seconds."""
-    spans = sorted({seconds, *others})
-    return Window(spans, spans, np.eye(WIDTH))
+#: Pairs of four joints.
+JOINTS, WIDTH = 4, 6
 
 
 def _rows(*marks: float) -> np.ndarray:
@@ -44,7 +40,7 @@ def test_the_window_equals_a_plain_list(
     """In batches of any size, with gaps inside, cleared at any moment, it is a plain list's row by row."""
     generator = np.random.default_rng(seed)
     with mock.patch.object(recognizer_window, "MAX_FEED_RATE", fastest):
-        window = _window(ticks / TICKS)
+        window = Window(plain_index(ticks / TICKS, JOINTS))
     twin = NaiveWindow(ticks, max(2, int(np.ceil(ticks / TICKS * fastest))))
     time, mark = int(generator.integers(-1000, 1000)), 0
     while mark < 700:
@@ -56,9 +52,10 @@ def test_the_window_equals_a_plain_list(
         for each, index in zip(times, marks, strict=True):
             twin.push(each, index)
         time, mark = times[-1], mark + count
-        rows, points = window.recent()
-        assert rows.tolist() == points.tolist() == _rows(*[kept for _, kept in twin.rows]).tolist()
-        assert window.times.tolist() == [each / TICKS for each, _ in twin.rows]
+        seconds, rows = window.recent()
+        assert rows.tolist() == _rows(*[kept for _, kept in twin.rows]).tolist()
+        assert window.place() == pytest.approx(rows[-1] / rows[-1].mean())
+        assert seconds.tolist() == [each / TICKS for each, _ in twin.rows]
         if generator.random() < 0.2:
             found = window.moments(ticks / TICKS)
             assert found.mean[0] == pytest.approx(rows.mean(axis=0))

@@ -6,8 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.signature.parts import Signature
-from kinespace.library.windows.comparison import MAX_AXES, Comparison
+from kinespace.library.windows.comparison import MAX_AXES, Weighing
 
 Numbers = NDArray[np.float64]
 
@@ -177,7 +176,7 @@ class Comparer(NamedTuple):
 
     Attributes
     ----------
-    comparison
+    weighing
         How they are compared.
     windows
         For each group the windows' vectors, axes first, shape (axes, windows), or (directions, eigenvectors × windows).
@@ -197,7 +196,7 @@ class Comparer(NamedTuple):
         What helps to name; None for nothing.
     """
 
-    comparison: Comparison
+    weighing: Weighing
     windows: tuple[Floats, ...]
     lengths: Floats
     weights: Floats
@@ -210,13 +209,13 @@ class Comparer(NamedTuple):
 
     @classmethod
     def of(
-        cls, comparison: Comparison, vectors: Sequence[NDArray[np.float16]], eigenvectors: Floats, whose: Indices
+        cls, weighing: Weighing, vectors: Sequence[NDArray[np.float16]], eigenvectors: Floats, whose: Indices
     ) -> Self:
         """Lay windows out.
 
         Parameters
         ----------
-        comparison
+        weighing
             How they are compared.
         vectors, eigenvectors
             As in `WindowIndex`.
@@ -224,7 +223,7 @@ class Comparer(NamedTuple):
             The class and the person of each window, as numbers, shape (windows, 2); the windows of a class lie
             together.
         """
-        nearest, count = np.float32(comparison.weighing.nearest), len(whose)
+        nearest, count = np.float32(weighing.nearest), len(whose)
         lengths = np.array([_squares(each.astype(np.float32)) for each in vectors]) + nearest
         windows = tuple(np.ascontiguousarray(each.astype(np.float32).T.reshape(each.shape[-1], -1)) for each in vectors)
         new = np.any(whose[1:] != whose[:-1], axis=1)
@@ -236,27 +235,27 @@ class Comparer(NamedTuple):
             places = np.flatnonzero(of_class == place)
             row[: len(places)] = places
         return cls(
-            comparison,
+            weighing,
             windows,
             lengths,
-            np.array(comparison.weighing.weights, dtype=np.float32),
+            np.array(weighing.weights, dtype=np.float32),
             starts,
             persons,
             np.ascontiguousarray(eigenvectors.T),
             starts[persons[:, 0]],
         )
 
-    def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
-        """Compare some windows, together: then the library's windows come from memory once."""
-        weighing, leading = self.comparison.weighing, np.array([each.leading for each in signatures], dtype=np.float32)
-        products = np.abs(leading @ self.eigenvectors)
+    def distances(self, leading: Floats, placed: Iterable[Floats], vectors: Sequence[Floats]) -> list[Distances]:
+        """Compare some windows: their leading eigenvectors, (asked, directions), and what `Comparison` makes of them.
+
+        That is the vectors of their parts (`placed`), and of their groups (`joined`).
+        """
+        weighing, products = self.weighing, np.abs(leading @ self.eigenvectors)
         scores = np.maximum.reduceat(products, self.classes, axis=1).astype(np.float64)
-        parts = {part: np.array([each.parts[part] for each in signatures]) for part in weighing.parts}
-        placed, vectors = self.comparison.placed_and_joined(parts)
         logs = agreed(-products[None], self.starts, self.persons) if weighing.by_products else self.logs(vectors)
         named, judged = weighing.named(logs), weighing.alone(logs)
         if self.head:
-            named += self.head.added(placed.values())
+            named += self.head.added(placed)
         if self.likelihood:
             judged = self.likelihood.of_windows(vectors)[None]
         return [
@@ -288,7 +287,7 @@ class Comparer(NamedTuple):
                 np.square(alike, out=alike)
                 np.subtract(1, 2 * np.add.reduce(alike.reshape(asked, -1, count), axis=1), out=own)
         squared += self.lengths[:, None]
-        np.maximum(squared, np.float32(self.comparison.weighing.nearest), out=squared)
+        np.maximum(squared, np.float32(self.weighing.nearest), out=squared)
         weighed = (self.weights @ np.log(squared, out=squared).reshape(groups, -1)).reshape(-1, asked, count)
         if left_out is not None:
             weighed[..., left_out] = np.inf

@@ -268,10 +268,11 @@ def placed(
     """Give windows' vectors, and their leading eigenvectors, as `WindowIndex` keeps them."""
     pieces = []
     for numbers, leading in windows:
-        vectors = (each.astype(np.float16, order="C") for each in comparison.place(numbers))
+        joined = comparison.joined(numbers, comparison.placed(numbers))
+        vectors = (each.astype(np.float16, order="C") for each in joined)
         pieces.append((leading.astype(np.float32), *vectors))
-    eigenvectors, *joined = map(np.concatenate, zip(*pieces, strict=True))
-    return tuple(joined), eigenvectors
+    eigenvectors, *of_groups = map(np.concatenate, zip(*pieces, strict=True))
+    return tuple(of_groups), eigenvectors
 
 
 def thinned(clip: Clip, frame_rate: float) -> Clip:

@@ -117,7 +117,7 @@ class WindowIndex:
     def _windows(self) -> Comparer:
         """The windows as they are compared."""
         whose = np.array([np.unique(each, return_inverse=True)[1] for each in zip(*self._whose, strict=True)]).T
-        return Comparer.of(self.comparison, self.vectors, self.eigenvectors, whose)
+        return Comparer.of(self.comparison.weighing, self.vectors, self.eigenvectors, whose)
 
     @cached_property
     def comparer(self) -> Comparer:
@@ -128,8 +128,11 @@ class WindowIndex:
         return self._windows._replace(likelihood=likelihood, head=self.head and self.head.of_classes(self.classes))
 
     def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
-        """Compare some windows with all windows, together."""
-        return self.comparer.distances(signatures)
+        """Compare some windows with all windows, together: then the library's come from memory once."""
+        numbers = {part: np.array([each.parts[part] for each in signatures]) for part in signatures[0].parts}
+        leading = np.array([each.leading for each in signatures], dtype=np.float32)
+        placed = self.comparison.placed(numbers)
+        return self.comparer.distances(leading, placed.values(), self.comparison.joined(numbers, placed))
 
     def asked_by(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Compare one of the library's own windows with the others, without some of them.

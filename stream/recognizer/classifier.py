@@ -198,10 +198,10 @@ def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timin
         window.push(times[begin:end], rows[begin:end])
         seen.append(window.shown())
     numbers = {part: np.array([each.parts[part] for each in seen]) for part in weighing.parts}
-    placed, asked = comparison.placed_and_joined(numbers)
+    placed = comparison.placed(numbers)
     since = ends[:, None] / clip.frame_rate + _BEGINNING
     logs = timing * np.abs(np.log(since / (seconds_into(index) + _BEGINNING)))
-    groups = zip(weighing.views[0], asked, comparer.windows, comparer.lengths, strict=True)
+    groups = zip(weighing.views[0], comparison.joined(numbers, placed), comparer.windows, comparer.lengths, strict=True)
     for weight, own, windows, lengths in groups:
         squared = np.square(own).sum(axis=1)[:, None] + lengths - 2 * own @ windows
         logs += weight * np.log(np.maximum(squared, weighing.nearest))

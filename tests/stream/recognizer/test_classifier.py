@@ -42,7 +42,7 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
         windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
         signature, before = windows.read(), end
         if timing:
-            own = index.comparison.place(signature.parts)
+            own = index.comparison.joined(signature.parts, index.comparison.placed(signature.parts))
             apart = zip(own, index.vectors, strict=True)
             squared = [np.square(mine - theirs.astype(float)).sum(axis=1) + NEAREST for mine, theirs in apart]
             late = timing * np.abs(np.log((end / 60 + 0.3) / (seconds_into(index) + 0.3)))

@@ -40,26 +40,15 @@ class Likelihood(NamedTuple):
         What is multiplied with their squares, shape (axes of all groups,).
     constants
         What is added for each window, shape (windows,).
-    starts
-        Where each class's windows start, shape (classes,).
     """
 
     products: NDArray[np.float32]
     squares: NDArray[np.float32]
     constants: NDArray[np.float32]
-    starts: NDArray[np.intp]
 
     @classmethod
-    def of(cls, vectors: Sequence[NDArray[np.floating]], starts: NDArray[np.intp]) -> Self:
-        """Prepare windows.
-
-        Parameters
-        ----------
-        vectors
-            For each group the windows' vectors, as in `WindowIndex`.
-        starts
-            Where each class's windows start.
-        """
+    def of(cls, vectors: Sequence[NDArray[np.floating]]) -> Self:
+        """Prepare windows, of which for each group the vectors are given, as in `WindowIndex`."""
         # Scaled eigenvectors have no metric.
         count = UNIT * max(sum(each.ndim == 2 for each in vectors), 1)
         products, squares, constants = list[Numbers](), list[Numbers](), np.zeros(len(vectors[0]))
@@ -74,14 +63,14 @@ class Likelihood(NamedTuple):
                 products.append(np.zeros((len(each), each[0].size)))
                 squares.append(np.zeros(each[0].size))
         joined = np.concatenate(products, axis=1, dtype=np.float32), np.concatenate(squares, dtype=np.float32)
-        return cls(*joined, constants.astype(np.float32), starts)
+        return cls(*joined, constants.astype(np.float32))
 
-    def of_windows(self, vectors: Sequence[NDArray[np.float32]]) -> Numbers:
-        """Compare the vectors of all groups of some windows with each class, shape (asked, classes)."""
+    def of_windows(self, vectors: Sequence[NDArray[np.float32]], classes: NDArray[np.intp]) -> Numbers:
+        """Compare some windows' vectors of all groups with classes, by where their windows start: (asked, classes)."""
         asked = np.concatenate([each.reshape(len(each), -1) for each in vectors], axis=1)
         ratios = asked @ self.products.T
         ratios += self.constants
-        found: Numbers = np.minimum.reduceat(ratios, self.starts, axis=1).astype(np.float64)
+        found: Numbers = np.minimum.reduceat(ratios, classes, axis=1).astype(np.float64)
         found += (np.square(asked) @ self.squares)[:, None]
         return found
 
@@ -143,6 +132,8 @@ class Head(NamedTuple):
         return added
 
 
+#: Added to 1 − |inner product|² before the logarithm.
+_SAME_PRODUCT = 1e-3
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
@@ -253,24 +244,24 @@ class Comparer(NamedTuple):
         weighing, products = self.weighing, np.abs(leading @ self.eigenvectors)
         scores = np.maximum.reduceat(products, self.classes, axis=1).astype(np.float64)
         logs = agreed(-products[None], self.starts, self.persons) if weighing.by_products else self.logs(vectors)
-        named, judged = weighing.named(logs), weighing.alone(logs)
+        named, judged = named_and_alone(logs, weighing)
         if self.head:
             named += self.head.added(placed)
         if self.likelihood:
-            judged = self.likelihood.of_windows(vectors)[None]
+            judged = self.likelihood.of_windows(vectors, self.classes)[None]
         return [
             Distances(*each) for each in zip(logs.swapaxes(0, 1), named, judged.swapaxes(0, 1), scores, strict=True)
         ]
 
-    def logs(self, vectors: Sequence[Floats], left_out: NDArray[np.bool_] | None = None) -> Numbers:
-        """Give the log distances of some windows' vectors, perhaps with some of the library's windows left out.
+    def logs(self, vectors: Sequence[Floats], added: Numbers | None = None) -> Numbers:
+        """Give the log distances of some windows' vectors, perhaps with some of the library's windows farther.
 
         Parameters
         ----------
         vectors
             For each group, shape (asked, axes), or (asked, eigenvectors, directions).
-        left_out
-            Flags, shape (windows,).
+        added
+            By how much each of the library's windows is farther, in log distance, shape (windows,) or (asked, windows).
 
         Returns
         -------
@@ -289,9 +280,18 @@ class Comparer(NamedTuple):
         squared += self.lengths[:, None]
         np.maximum(squared, np.float32(self.weighing.nearest), out=squared)
         weighed = (self.weights @ np.log(squared, out=squared).reshape(groups, -1)).reshape(-1, asked, count)
-        if left_out is not None:
-            weighed[..., left_out] = np.inf
+        if added is not None:
+            weighed += added
         return agreed(weighed, self.starts, self.persons)
+
+
+def named_and_alone(logs: Numbers, weighing: Weighing) -> tuple[Numbers, Numbers]:
+    """Give the log distances for naming, (..., classes), and by each group alone, from those by all `weights`."""
+    views = len(weighing.views)
+    named: Numbers = np.minimum.reduce(logs[:views])
+    if weighing.by_products:
+        named = np.log1p(_SAME_PRODUCT - np.square(np.maximum(named, -1.0)))
+    return named, logs[views:]
 
 
 def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:

@@ -194,8 +194,6 @@ Group = tuple[Part, ...]
 FIRST_WINDOW = 0.15
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
-#: Added to 1 − |inner product|² before the logarithm.
-_SAME_PRODUCT = 1e-3
 #: Axes that are kept of each part.
 _PART_AXES = 64
 #: Axes that are kept of a group of several parts.
@@ -277,18 +275,6 @@ class Weighing:
         """The weight of each group in all distances that are computed: the views, and below them each group alone."""
         alone = np.eye(len(self.groups)).tolist()
         return (*self.views, *map(tuple, alone))
-
-    def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the log distance of each class for naming, from distances by all `weights` (..., classes)."""
-        nearest: NDArray[np.float64] = np.minimum.reduce(logs[: len(self.views)])
-        if not self.by_products:
-            return nearest
-        logs_of: NDArray[np.float64] = np.log1p(_SAME_PRODUCT - np.square(np.maximum(nearest, -1.0)))
-        return logs_of
-
-    def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the log distances by each group alone, from distances by all `weights`."""
-        return logs[len(self.views) :]
 
     @property
     def parts(self) -> tuple[Part, ...]:

@@ -104,15 +104,7 @@ _Eigenpairs = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def _eigenpairs(covariances: NDArray[np.float64], most: int) -> _Eigenpairs:
-    """Find the leading eigenvalues and eigenvectors of covariances (windows, directions, directions).
-
-    Raises
-    ------
-    ValueError
-        A covariance holds NaN or infinity.
-    """
-    if not np.isfinite(covariances).all():
-        raise ValueError("covariances: expected finite numbers")
+    """Find the leading eigenvalues and eigenvectors of covariances (windows, directions, directions), all finite."""
     values, vectors = np.linalg.eigh(covariances)
     return values[:, : -most - 1 : -1], vectors.transpose(0, 2, 1)[:, : -most - 1 : -1]
 

@@ -124,7 +124,7 @@ class WindowIndex:
         """The windows as a live window is compared with them."""
         # What judges a guess where the library cannot learn what is unknown.
         judged = self.comparison.weighing.judges and self.rejection.by_likelihood
-        likelihood = Likelihood.of(self.vectors, self._windows.classes) if judged else None
+        likelihood = Likelihood.of(self.vectors) if judged else None
         return self._windows._replace(likelihood=likelihood, head=self.head and self.head.of_classes(self.classes))
 
     def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
@@ -150,7 +150,7 @@ class WindowIndex:
         class without windows left.
         """
         asked = [each[window : window + 1].astype(np.float32, order="C") for each in self.vectors]
-        return self._windows.logs(asked, left_out)[:, 0]
+        return self._windows.logs(asked, np.where(left_out, np.inf, 0.0))[:, 0]
 
     # --- learned from the motions -------------------------------------------------------------------------------------
 
@@ -175,6 +175,14 @@ class WindowIndex:
         """The moments of the motions with their phases, by which progress is followed."""
         named = [motion for motion in self.framed.motions if motion.class_name != NOTHING]
         return PhaseTable.of(named, self.body, self.basis)
+
+    @cached_property
+    def seconds_into(self) -> NDArray[np.float64]:
+        """The seconds from a motion's beginning to the end of each window, (windows,); of an index that is no view."""
+        measured = Measured.of(self.library, every_in(self.library), self.comparison.weighing.first)
+        return np.concatenate(
+            [ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)]
+        )
 
     @property
     def framed(self) -> MotionLibrary:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from numbers import Real
 from typing import Any, Self
@@ -13,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, WindowIndex, distance_rows, opened
 from kinespace.library.naming import hdm05
 from kinespace.library.signature.parts import Signature
-from kinespace.library.windows.comparer import agreed
-from kinespace.library.windows.cutting import Measured, every_in, window_ends
+from kinespace.library.windows.comparer import named_and_alone
+from kinespace.library.windows.cutting import window_ends
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Frame
 from kinespace.stream.recognition import Recognition
@@ -191,29 +190,17 @@ def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timin
     logarithm of how many times as long after it.
     """
     comparison, comparer, window = index.comparison, index.comparer, Window(index)
-    weighing = comparison.weighing
     times, rows = clip.times.tolist(), distance_rows(clip.positions, clip.skeleton)
     seen = list[Signature]()
     for begin, end in pairwise([0, *ends.tolist()]):
         window.push(times[begin:end], rows[begin:end])
         seen.append(window.shown())
-    numbers = {part: np.array([each.parts[part] for each in seen]) for part in weighing.parts}
+    numbers = {part: np.array([each.parts[part] for each in seen]) for part in comparison.weighing.parts}
     placed = comparison.placed(numbers)
     since = ends[:, None] / clip.frame_rate + _BEGINNING
-    logs = timing * np.abs(np.log(since / (seconds_into(index) + _BEGINNING)))
-    groups = zip(weighing.views[0], comparison.joined(numbers, placed), comparer.windows, comparer.lengths, strict=True)
-    for weight, own, windows, lengths in groups:
-        squared = np.square(own).sum(axis=1)[:, None] + lengths - 2 * own @ windows
-        logs += weight * np.log(np.maximum(squared, weighing.nearest))
-    found = agreed(logs, comparer.starts, comparer.persons)
+    late = timing * np.abs(np.log(since / (index.seconds_into + _BEGINNING)))
+    found = named_and_alone(comparer.logs(comparison.joined(numbers, placed), late), comparison.weighing)[0]
     return found + comparer.head.added(placed.values()) if comparer.head else found
-
-
-@lru_cache(maxsize=4)
-def seconds_into(index: WindowIndex) -> NDArray[np.float64]:
-    """Give the seconds from a motion's beginning to the end of each of an opened library's windows, (windows,)."""
-    measured = Measured.of(index.library, every_in(index.library), index.comparison.weighing.first)
-    return np.concatenate([ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)])
 
 
 def recognise(library: MotionLibrary, clip: Clip, settings: Settings | None = None) -> list[Recognition]:

@@ -7,10 +7,10 @@ whether a motion was really done (`done`).
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import NoReturn, TypeVar
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.done import Asked, DoneFollower, Look, costs_of
-from kinespace.stream.recognizer.fitting import FeedKind, Fitting
+from kinespace.stream.recognizer.fitting import Fitting
 from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, threshold_for
@@ -175,14 +175,22 @@ class Recognizer:
         """The class names, in the order in which answers count them."""
         return self._decision.classes
 
-    def _forget_fewer(self) -> None:
-        """Forget the windows of fewer joints."""
+    def _clear(self) -> None:
+        #: The windows of fewer joints, and the places of their distances among all.
         self._fewer: Window | None = None
         self._places: NDArray[np.intp] | None = None
         #: The joints that were left out when these windows were asked for, and when that was.
         self._without: tuple[int, ...] = ()
         self._asked_for: tuple[int, ...] = ()
         self._asked = -math.inf
+        self._begin_again()
+        self._joints.clear()
+        self._fitting.begin_again()
+        self._times.clear()
+        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
+        # gap.
+        self._newest, self._due = math.nan, -math.inf
+        self._late_in_a_row = 0
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
         """Compare with another library from the next hop on; no window and no answer is lost.
@@ -215,9 +223,8 @@ class Recognizer:
         self._skeleton.require_same(index.library.skeleton)
         require_order(order, index.library)
         with self._alone():
-            self._window.exchange(index)
+            self._window.exchange(index, threshold_for(index, self.settings))
             self._gap = min(self.settings.longest_gap, self._window.seconds)
-            self._window.threshold = threshold_for(index, self.settings)
             self._fitting = Fitting(index)
             self._fewer, self._asked_for = None, ()
             if self._progress:
@@ -246,14 +253,9 @@ class Recognizer:
         return self._fitting.unlike
 
     @property
-    def other_kind(self) -> FeedKind | None:
-        """The kind of the feed if another kind taught the library; None if not, and until the body has moved."""
-        return self._fitting.other_kind
-
-    @property
-    def flat(self) -> bool:
-        """Whether the body lies in a plane; False until it has moved."""
-        return self._fitting.flat
+    def oddity(self) -> str:
+        """A note on a body in a plane, of another kind of feed than the library's, or unlike it; else empty."""
+        return self._fitting.note
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
@@ -297,17 +299,6 @@ class Recognizer:
             self._fitting = Fitting(self._window.index)
             self._performer = None
 
-    def _clear(self) -> None:
-        self._forget_fewer()
-        self._begin_again()
-        self._joints.clear()
-        self._fitting.begin_again()
-        self._times.clear()
-        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
-        # gap.
-        self._newest, self._due = math.nan, -math.inf
-        self._late_in_a_row = 0
-
     def push(self, frame: Frame) -> Recognition | None:
         """Take in a frame.
 
@@ -347,7 +338,9 @@ class Recognizer:
         self._busy, taken = True, None
         try:
             if frame.performer != self._performer:
-                self._follow(frame.performer)
+                if self._performer is not None:
+                    raise ValueError(f"performer: expected {self._performer!r} until `reset`, got {frame.performer!r}")
+                self._performer = frame.performer
             if not 0.0 < time - self._newest <= self._gap and not self._in_time(time):
                 return None
             self._late_in_a_row = 0
@@ -371,11 +364,6 @@ class Recognizer:
             return taken
         finally:
             self._busy = taken is not None
-
-    def _follow(self, performer: str) -> None:
-        if self._performer is not None:
-            raise ValueError(f"performer: expected {self._performer!r} until `reset`, got {performer!r}")
-        self._performer = performer
 
     def _measure(self) -> Asked | None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
@@ -507,29 +495,19 @@ def answers_to(due: Sequence[Due]) -> list[Recognition]:
     """
     try:
         new = [each.window for each in due if each.window.distances is None]
-        for index, windows in _grouped((each.index, each) for each in new):
+        for index in {each.index for each in new}:
+            windows = [each for each in new if each.index is index]
             signatures = [each.signature for each in windows if each.signature]
             for window, distances in zip(windows, index.distances(signatures), strict=True):
                 window.distances = distances
-        for _, some in _grouped((each.asked.courses, each) for each in due if each.asked):
-            for each, costs in zip(some, costs_of([each.asked for each in some if each.asked]), strict=True):
+        for courses in {each.asked.courses for each in due if each.asked}:
+            some = [(each, each.asked) for each in due if each.asked and each.asked.courses is courses]
+            for (each, _), costs in zip(some, costs_of([asked for _, asked in some]), strict=True):
                 each.costs = costs
         return [each.recognizer.answer(each) for each in due]
     finally:
         for each in due:
             each.recognizer.free()
-
-
-_Library = TypeVar("_Library", bound=Hashable)
-_Each = TypeVar("_Each")
-
-
-def _grouped(pairs: Iterable[tuple[_Library, _Each]]) -> Iterable[tuple[_Library, list[_Each]]]:
-    """Give what belongs to each library, from pairs of both."""
-    found: dict[_Library, list[_Each]] = {}
-    for library, each in pairs:
-        found.setdefault(library, []).append(each)
-    return found.items()
 
 
 def require_order(order: Sequence[str], library: MotionLibrary) -> None:

@@ -77,64 +77,49 @@ class RowSmoother:
     """
 
     def __init__(self, segments: NDArray[np.intp], width: int) -> None:
-        self._segments = segments if len(segments) else np.arange(width)
-        # Twice the rows that are kept: they move back when there is no room left, not at every hop. Of a quiet feed
-        # only the segments' lengths are kept: whole rows, at every hop, would cost more than the estimate.
-        self._lengths = np.empty((2 * _MAX_ROWS, len(self._segments)))
-        self._rows = np.empty((2 * _MAX_ROWS, width))
-        self._times = np.empty(2 * _MAX_ROWS)
+        self._segments, self._width = segments if len(segments) else np.arange(width), width
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows, and the noise."""
-        self._end = self._waiting = self._trembles_from = 0
+        # Of a quiet feed only the segments' lengths are kept: whole rows would cost more than the estimate.
+        self._times, self._rows = np.empty(0), np.empty((0, self._width))
+        self._lengths = np.empty((0, len(self._segments)))
+        self._waiting = 0
         self._variance = np.zeros(len(self._segments))
         self._known = 0.0
         self.noise = 0.0
 
     def smooth(self, times: Sequence[float], rows: NDArray[np.float64]) -> None:
         """Average rows (frames, pairs), metres, in place, each with a noisy feed's rows of the tenth second before."""
-        begin = self._begin(len(times))
-        self._end = begin + len(times)
-        rows.take(self._segments, axis=1, out=self._lengths[begin : self._end], mode="clip")
-        self._times[begin : self._end] = times
+        self._times = np.concatenate([self._times, times])[-_MAX_ROWS:]
+        self._lengths = np.concatenate([self._lengths, rows.take(self._segments, axis=1)])[-_MAX_ROWS:]
         self._waiting += len(times)
-        first = max(self._end - self._waiting, 0)
+        first = max(len(self._times) - self._waiting, 0)
         if self._waiting >= _MAX_WAITING or times[-1] - self._times.item(first) >= _EVERY - TIE:
             self._estimate(max(first - 2, 0))
             self._waiting = 0
         if self.noise < NOISY:
-            self._trembles_from = self._end
+            self._rows = self._rows[:0]
             return
-        self._rows[begin : self._end] = rows
-        first = max(self._end - _MAX_ROWS, self._trembles_from)
+        self._rows = np.concatenate([self._rows, rows])[-_MAX_ROWS:]
+        kept, before = len(self._rows), len(self._rows) - len(rows)
         too_old = np.asarray(times) - (_AVERAGED - TIE)
-        starts = np.searchsorted(self._times[first : self._end], too_old, side="right") + first
+        starts = np.searchsorted(self._times[len(self._times) - kept :], too_old, side="right")
         for index, start in enumerate(starts.tolist()):
-            np.mean(self._rows[start : begin + index + 1], axis=0, out=rows[index])
-
-    def _begin(self, new: int) -> int:
-        """Say where new rows begin; move back the rows before them when there is no room."""
-        if self._end + new <= len(self._rows):
-            return self._end
-        kept = _MAX_ROWS - new
-        shift = self._end - kept
-        for each in (self._rows, self._lengths, self._times):
-            each[:kept] = each[shift : self._end]
-        self._trembles_from = max(self._trembles_from - shift, 0)
-        return kept
+            np.mean(self._rows[start : before + index + 1], axis=0, out=rows[index])
 
     def _estimate(self, first: int) -> None:
         """Update the estimate by the second differences from one kept row on."""
-        if self._end - first < 3:
+        raw = self._lengths[first:]
+        if len(raw) < 3:
             return
-        raw = self._lengths[first : self._end]
         bends = raw[2:] - raw[1:-1]
         bends -= raw[1:-1]
         bends += raw[:-2]
         bends *= bends
         square = np.add.reduce(bends)
-        seconds = self._times.item(self._end - 1) - self._times.item(first + 1)
+        seconds = self._times.item(-1) - self._times.item(first + 1)
         # The first second is averaged evenly, so that one row does not decide.
         self._known = min(self._known + seconds, _ESTIMATED)
         newest = min(seconds / self._known, 1.0)
@@ -264,11 +249,12 @@ class Window:
             each.clear()
         self._compare_with(self.index)
 
-    def exchange(self, index: WindowIndex) -> None:
-        """Compare the same rows with another library of the same joints from now on."""
+    def exchange(self, index: WindowIndex, threshold: float = -math.inf) -> None:
+        """Compare the same rows with another library of the same joints, as in the constructor, from now on."""
         same = np.array_equal(index.basis.directions, self.index.basis.directions)
         same = same and lengths_of(index.comparison.weighing.parts) == lengths_of(self._parts)
         (times, rows), followed = self.recent(), (self._frames, self._since)
+        self.threshold = threshold
         self._compare_with(index)
         if not same:
             self._make_room()

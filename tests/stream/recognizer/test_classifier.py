@@ -13,7 +13,6 @@ from kinespace.library import MotionLibrary, SkeletonMismatchError, distance_row
 from kinespace.library.windows.comparison import NEAREST
 from kinespace.library.windows.cutting import window_ends
 from kinespace.stream import MotionClassifier
-from kinespace.stream.recognizer.classifier import seconds_into
 from kinespace.stream.recognizer.window import Window
 
 pytestmark = pytest.mark.slow
@@ -45,7 +44,7 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
             own = index.comparison.joined(signature.parts, index.comparison.placed(signature.parts))
             apart = zip(own, index.vectors, strict=True)
             squared = [np.square(mine - theirs.astype(float)).sum(axis=1) + NEAREST for mine, theirs in apart]
-            late = timing * np.abs(np.log((end / 60 + 0.3) / (seconds_into(index) + 0.3)))
+            late = timing * np.abs(np.log((end / 60 + 0.3) / (index.seconds_into + 0.3)))
             logs.append(list(nearest(np.log(squared).mean(axis=0) + late, *zip(*whose, strict=True)).values()))
         else:
             logs.append(index.distances([signature])[0].named)

@@ -62,11 +62,12 @@ class ProgressFollower:
 
     def __init__(self, table: PhaseTable) -> None:
         self._table = table
+        self._points = np.empty((8 * _PAST, table.basis.directions.shape[1]))
         self.clear()
 
     def clear(self) -> None:
         """Forget the body's past and the motion."""
-        self._points = np.empty((0, self._table.basis.directions.shape[1]))
+        self._count = 0
         self._time = math.nan
         self._filter: _Filter | None = None
         self._class_name: str | None = None
@@ -74,10 +75,11 @@ class ProgressFollower:
 
     def exchange(self, table: PhaseTable) -> None:
         """Follow by another library; in the same basis the motion that goes on is found again at once."""
-        before, self._table = self._table, table
-        if table.basis is not before.basis:
+        if table.basis is not self._table.basis:
+            self._points = np.empty((len(self._points), table.basis.directions.shape[1]))
             self.clear()
-        self._begin(self._class_name)
+        self._table, name, self._class_name = table, self._class_name, None
+        self._begin(name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
         """Take in the body's position.
@@ -101,7 +103,8 @@ class ProgressFollower:
         if class_name != self._class_name:
             self._begin(class_name)
         elif self._filter:
-            self._step(self._filter, steps)
+            for end in range(self._count - steps + 1, self._count + 1):
+                self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
         return self.progress
 
     def _steps_until(self, time: float) -> int:
@@ -115,11 +118,16 @@ class ProgressFollower:
 
     def _extend(self, point: NDArray[np.float64], steps: int) -> None:
         """Keep the newest point; between two hops the body is assumed to move in a straight line."""
-        new = point[None]
-        if steps > 1:
-            before = self._points[-1]
-            new = before + (point - before) * (np.arange(1, steps + 1)[:, None] / steps)
-        self._points = np.concatenate([self._points, new])[-(_PAST + steps) :]
+        if self._count + steps > len(self._points):
+            self._points[:_PAST] = self._points[self._count - _PAST : self._count]
+            self._count = _PAST
+        if steps == 1 or not self._count:
+            self._points[self._count : self._count + steps] = point
+        else:
+            before = self._points[self._count - 1]
+            shares = np.arange(1, steps + 1)[:, None] / steps
+            self._points[self._count : self._count + steps] = before + (point - before) * shares
+        self._count += steps
 
     def _begin(self, class_name: str | None) -> None:
         """Begin to follow another class, by replaying the last half second into a new filter."""
@@ -128,12 +136,8 @@ class ProgressFollower:
         if moments is None:
             return
         self._filter = _Filter(str(class_name), moments, self._table.whitening)
-        self._step(self._filter, min(len(self._points), _REPLAYED + 1))
-
-    def _step(self, followed: "_Filter", steps: int) -> None:
-        """Step once for each of the last points, with the points before it."""
-        for end in range(len(self._points) - steps + 1, len(self._points) + 1):
-            self.progress = followed.step(self._points[max(0, end - _PAST) : end])
+        for end in range(max(1, self._count - _REPLAYED), self._count + 1):
+            self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
 
 
 class _Filter:

@@ -6,14 +6,13 @@ rounding.
 
 import importlib
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import wraps
 from types import ModuleType
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
-_Arguments = ParamSpec("_Arguments")
-_Result = TypeVar("_Result")
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def _built() -> ModuleType | None:
@@ -26,23 +25,18 @@ def _built() -> ModuleType | None:
 _module = _built()
 #: Whether the compiled functions are in use.
 in_use = _module is not None and os.environ.get("KINESPACE_COMPILED") != "0"
+#: The functions in numpy, by their names.
+by_numpy: dict[str, Callable[..., Any]] = {}
 
 
-def compiled(by_numpy: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+def compiled(function: _Function) -> _Function:
     """Take the compiled function of the same name in place of a function in numpy, where there is one.
 
-    A compiled function that gives None leaves the call to numpy: of arrays that are too large for it, say.
+    A compiled function that gives None leaves the call to `by_numpy`: of arrays that are too large for it, say.
     """
-    own: Callable[_Arguments, _Result | None] | None = getattr(_module, by_numpy.__name__, None)
-    if own is None:
-        return by_numpy
-
-    @wraps(by_numpy)
-    def either(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> _Result:
-        found = own(*arguments, **named) if in_use else None
-        return by_numpy(*arguments, **named) if found is None else found
-
-    return either
+    by_numpy[function.__name__] = function
+    taken: _Function = getattr(_module, function.__name__, function) if in_use else function
+    return taken
 
 
 @contextmanager
@@ -50,10 +44,19 @@ def left_aside() -> Iterator[None]:
     """Compute by numpy inside this block."""
     global in_use  # noqa: PLW0603 - one for the process, as modules are
     before, in_use = in_use, False
+    own = {name: getattr(sys.modules[each.__module__], name) for name, each in by_numpy.items()}
+    _take(by_numpy)
     try:
         yield
     finally:
         in_use = before
+        _take(own)
+
+
+def _take(functions: dict[str, Callable[..., Any]]) -> None:
+    """Let the modules that call these functions find them by their names."""
+    for name, each in functions.items():
+        setattr(sys.modules[by_numpy[name].__module__], name, each)
 
 
 def kind() -> str:

@@ -6,8 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.signature.parts import Signature
-from kinespace.library.windows.comparison import MAX_AXES, Comparison
+from kinespace.library.windows.comparison import MAX_AXES, Weighing
 
 Numbers = NDArray[np.float64]
 
@@ -41,26 +40,15 @@ class Likelihood(NamedTuple):
         What is multiplied with their squares, shape (axes of all groups,).
     constants
         What is added for each window, shape (windows,).
-    starts
-        Where each class's windows start, shape (classes,).
     """
 
     products: NDArray[np.float32]
     squares: NDArray[np.float32]
     constants: NDArray[np.float32]
-    starts: NDArray[np.intp]
 
     @classmethod
-    def of(cls, vectors: Sequence[NDArray[np.floating]], starts: NDArray[np.intp]) -> Self:
-        """Prepare windows.
-
-        Parameters
-        ----------
-        vectors
-            For each group the windows' vectors, as in `WindowIndex`.
-        starts
-            Where each class's windows start.
-        """
+    def of(cls, vectors: Sequence[NDArray[np.floating]]) -> Self:
+        """Prepare windows, of which for each group the vectors are given, as in `WindowIndex`."""
         # Scaled eigenvectors have no metric.
         count = UNIT * max(sum(each.ndim == 2 for each in vectors), 1)
         products, squares, constants = list[Numbers](), list[Numbers](), np.zeros(len(vectors[0]))
@@ -75,14 +63,14 @@ class Likelihood(NamedTuple):
                 products.append(np.zeros((len(each), each[0].size)))
                 squares.append(np.zeros(each[0].size))
         joined = np.concatenate(products, axis=1, dtype=np.float32), np.concatenate(squares, dtype=np.float32)
-        return cls(*joined, constants.astype(np.float32), starts)
+        return cls(*joined, constants.astype(np.float32))
 
-    def of_windows(self, vectors: Sequence[NDArray[np.float32]]) -> Numbers:
-        """Compare the vectors of all groups of some windows with each class, shape (asked, classes)."""
+    def of_windows(self, vectors: Sequence[NDArray[np.float32]], classes: NDArray[np.intp]) -> Numbers:
+        """Compare some windows' vectors of all groups with classes, by where their windows start: (asked, classes)."""
         asked = np.concatenate([each.reshape(len(each), -1) for each in vectors], axis=1)
         ratios = asked @ self.products.T
         ratios += self.constants
-        found: Numbers = np.minimum.reduceat(ratios, self.starts, axis=1).astype(np.float64)
+        found: Numbers = np.minimum.reduceat(ratios, classes, axis=1).astype(np.float64)
         found += (np.square(asked) @ self.squares)[:, None]
         return found
 
@@ -144,6 +132,8 @@ class Head(NamedTuple):
         return added
 
 
+#: Added to 1 − |inner product|² before the logarithm.
+_SAME_PRODUCT = 1e-3
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
@@ -177,7 +167,7 @@ class Comparer(NamedTuple):
 
     Attributes
     ----------
-    comparison
+    weighing
         How they are compared.
     windows
         For each group the windows' vectors, axes first, shape (axes, windows), or (directions, eigenvectors × windows).
@@ -197,7 +187,7 @@ class Comparer(NamedTuple):
         What helps to name; None for nothing.
     """
 
-    comparison: Comparison
+    weighing: Weighing
     windows: tuple[Floats, ...]
     lengths: Floats
     weights: Floats
@@ -210,13 +200,13 @@ class Comparer(NamedTuple):
 
     @classmethod
     def of(
-        cls, comparison: Comparison, vectors: Sequence[NDArray[np.float16]], eigenvectors: Floats, whose: Indices
+        cls, weighing: Weighing, vectors: Sequence[NDArray[np.float16]], eigenvectors: Floats, whose: Indices
     ) -> Self:
         """Lay windows out.
 
         Parameters
         ----------
-        comparison
+        weighing
             How they are compared.
         vectors, eigenvectors
             As in `WindowIndex`.
@@ -224,7 +214,7 @@ class Comparer(NamedTuple):
             The class and the person of each window, as numbers, shape (windows, 2); the windows of a class lie
             together.
         """
-        nearest, count = np.float32(comparison.weighing.nearest), len(whose)
+        nearest, count = np.float32(weighing.nearest), len(whose)
         lengths = np.array([_squares(each.astype(np.float32)) for each in vectors]) + nearest
         windows = tuple(np.ascontiguousarray(each.astype(np.float32).T.reshape(each.shape[-1], -1)) for each in vectors)
         new = np.any(whose[1:] != whose[:-1], axis=1)
@@ -236,42 +226,42 @@ class Comparer(NamedTuple):
             places = np.flatnonzero(of_class == place)
             row[: len(places)] = places
         return cls(
-            comparison,
+            weighing,
             windows,
             lengths,
-            np.array(comparison.weighing.weights, dtype=np.float32),
+            np.array(weighing.weights, dtype=np.float32),
             starts,
             persons,
             np.ascontiguousarray(eigenvectors.T),
             starts[persons[:, 0]],
         )
 
-    def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
-        """Compare some windows, together: then the library's windows come from memory once."""
-        weighing, leading = self.comparison.weighing, np.array([each.leading for each in signatures], dtype=np.float32)
-        products = np.abs(leading @ self.eigenvectors)
+    def distances(self, leading: Floats, placed: Iterable[Floats], vectors: Sequence[Floats]) -> list[Distances]:
+        """Compare some windows: their leading eigenvectors, (asked, directions), and what `Comparison` makes of them.
+
+        That is the vectors of their parts (`placed`), and of their groups (`joined`).
+        """
+        weighing, products = self.weighing, np.abs(leading @ self.eigenvectors)
         scores = np.maximum.reduceat(products, self.classes, axis=1).astype(np.float64)
-        parts = {part: np.array([each.parts[part] for each in signatures]) for part in weighing.parts}
-        placed, vectors = self.comparison.placed_and_joined(parts)
         logs = agreed(-products[None], self.starts, self.persons) if weighing.by_products else self.logs(vectors)
-        named, judged = weighing.named(logs), weighing.alone(logs)
+        named, judged = named_and_alone(logs, weighing)
         if self.head:
-            named += self.head.added(placed.values())
+            named += self.head.added(placed)
         if self.likelihood:
-            judged = self.likelihood.of_windows(vectors)[None]
+            judged = self.likelihood.of_windows(vectors, self.classes)[None]
         return [
             Distances(*each) for each in zip(logs.swapaxes(0, 1), named, judged.swapaxes(0, 1), scores, strict=True)
         ]
 
-    def logs(self, vectors: Sequence[Floats], left_out: NDArray[np.bool_] | None = None) -> Numbers:
-        """Give the log distances of some windows' vectors, perhaps with some of the library's windows left out.
+    def logs(self, vectors: Sequence[Floats], added: Numbers | None = None) -> Numbers:
+        """Give the log distances of some windows' vectors, perhaps with some of the library's windows farther.
 
         Parameters
         ----------
         vectors
             For each group, shape (asked, axes), or (asked, eigenvectors, directions).
-        left_out
-            Flags, shape (windows,).
+        added
+            By how much each of the library's windows is farther, in log distance, shape (windows,) or (asked, windows).
 
         Returns
         -------
@@ -288,11 +278,20 @@ class Comparer(NamedTuple):
                 np.square(alike, out=alike)
                 np.subtract(1, 2 * np.add.reduce(alike.reshape(asked, -1, count), axis=1), out=own)
         squared += self.lengths[:, None]
-        np.maximum(squared, np.float32(self.comparison.weighing.nearest), out=squared)
+        np.maximum(squared, np.float32(self.weighing.nearest), out=squared)
         weighed = (self.weights @ np.log(squared, out=squared).reshape(groups, -1)).reshape(-1, asked, count)
-        if left_out is not None:
-            weighed[..., left_out] = np.inf
+        if added is not None:
+            weighed += added
         return agreed(weighed, self.starts, self.persons)
+
+
+def named_and_alone(logs: Numbers, weighing: Weighing) -> tuple[Numbers, Numbers]:
+    """Give the log distances for naming, (..., classes), and by each group alone, from those by all `weights`."""
+    views = len(weighing.views)
+    named: Numbers = np.minimum.reduce(logs[:views])
+    if weighing.by_products:
+        named = np.log1p(_SAME_PRODUCT - np.square(np.maximum(named, -1.0)))
+    return named, logs[views:]
 
 
 def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:

@@ -35,7 +35,6 @@ from kinespace.library.signature.parts import (
 )
 
 _Number = TypeVar("_Number", np.float32, np.float64)
-_Name = TypeVar("_Name")
 
 #: Principal axes in which metrics are learned: the other numbers are mostly noise.
 _LEARNED_IN = 160
@@ -66,13 +65,6 @@ class Metric:
         """Map windows' numbers to vectors, (..., numbers) to (..., kept)."""
         placed: NDArray[np.float32] = np.subtract(numbers, self.origin, dtype=np.float32) @ self.axes
         return placed
-
-
-def placed(
-    numbers: Mapping[_Name, NDArray[np.floating]], metrics: Mapping[_Name, Metric]
-) -> dict[_Name, NDArray[np.float32]]:
-    """Map numbers by the metrics of their names."""
-    return {name: metric.place(numbers[name]) for name, metric in metrics.items()}
 
 
 class Lessons(NamedTuple):
@@ -202,8 +194,6 @@ Group = tuple[Part, ...]
 FIRST_WINDOW = 0.15
 #: Added to squared distances before the logarithm: two windows at a smaller distance count as the same.
 NEAREST = 0.01
-#: Added to 1 − |inner product|² before the logarithm.
-_SAME_PRODUCT = 1e-3
 #: Axes that are kept of each part.
 _PART_AXES = 64
 #: Axes that are kept of a group of several parts.
@@ -286,18 +276,6 @@ class Weighing:
         alone = np.eye(len(self.groups)).tolist()
         return (*self.views, *map(tuple, alone))
 
-    def named(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the log distance of each class for naming, from distances by all `weights` (..., classes)."""
-        nearest: NDArray[np.float64] = np.minimum.reduce(logs[: len(self.views)])
-        if not self.by_products:
-            return nearest
-        logs_of: NDArray[np.float64] = np.log1p(_SAME_PRODUCT - np.square(np.maximum(nearest, -1.0)))
-        return logs_of
-
-    def alone(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the log distances by each group alone, from distances by all `weights`."""
-        return logs[len(self.views) :]
-
     @property
     def parts(self) -> tuple[Part, ...]:
         """All parts that are compared, each once."""
@@ -377,7 +355,7 @@ class Comparison:
             )
             for part in weighing.measured
         }
-        vectors = placed({part: _as_vectors(part, numbers) for part in parts}, parts)
+        vectors = cls(weighing, parts, ()).placed(numbers)
         groups: list[Metric | None] = []
         for group in weighing.groups:
             if len(group) == 1:
@@ -389,33 +367,27 @@ class Comparison:
         return cls(weighing, parts, tuple(groups))
 
     def placed(self, numbers: Mapping[Part, NDArray[np.float64]]) -> dict[Part, NDArray[np.float32]]:
-        """Give the vector of each part that has a metric, for windows or for one window."""
-        return placed({part: _as_vectors(part, numbers) for part in self.parts}, self.parts)
+        """Give the vector of each part that has a metric, of windows (windows, numbers) or of one window (numbers,)."""
+        return {part: metric.place(_as_vectors(part, numbers)) for part, metric in self.parts.items()}
 
-    def place(self, numbers: Mapping[Part, NDArray[np.float64]]) -> list[NDArray[np.float32]]:
-        """Give the vector of each group, for windows (windows, numbers) or for one window (numbers,).
+    def joined(
+        self, numbers: Mapping[Part, NDArray[np.float64]], placed: Mapping[Part, NDArray[np.float32]]
+    ) -> list[NDArray[np.float32]]:
+        """Give the vector of each group, from the numbers of windows and what `placed` gives of them.
 
         Returns
         -------
         For each group an array of shape (..., axes); for a group of an eigen part alone its scaled eigenvectors, (...,
         k, directions).
         """
-        return self.placed_and_joined(numbers)[1]
-
-    def placed_and_joined(
-        self, numbers: Mapping[Part, NDArray[np.float64]]
-    ) -> tuple[dict[Part, NDArray[np.float32]], list[NDArray[np.float32]]]:
-        """Give the vectors of the parts, as `placed` does, and of the groups, as `place` does."""
-        of_parts = self.placed(numbers)
         vectors: list[NDArray[np.float32]] = []
         for group, metric in zip(self.weighing.groups, self.groups, strict=True):
-            if _is_eigen(group):
-                vectors.append(numbers[group[0]].astype(np.float32))
-            elif metric is None:
-                vectors.append(of_parts[group[0]])
+            if metric:
+                vectors.append(metric.place(np.concatenate([placed[part] for part in group], axis=-1)))
             else:
-                vectors.append(metric.place(np.concatenate([of_parts[part] for part in group], axis=-1)))
-        return of_parts, vectors
+                is_eigen = group[0].kind is Kind.EIGEN
+                vectors.append(numbers[group[0]].astype(np.float32) if is_eigen else placed[group[0]])
+        return vectors
 
 
 def _is_eigen(group: Group) -> bool:

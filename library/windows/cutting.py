@@ -104,15 +104,7 @@ _Eigenpairs = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def _eigenpairs(covariances: NDArray[np.float64], most: int) -> _Eigenpairs:
-    """Find the leading eigenvalues and eigenvectors of covariances (windows, directions, directions).
-
-    Raises
-    ------
-    ValueError
-        A covariance holds NaN or infinity.
-    """
-    if not np.isfinite(covariances).all():
-        raise ValueError("covariances: expected finite numbers")
+    """Find the leading eigenvalues and eigenvectors of covariances (windows, directions, directions), all finite."""
     values, vectors = np.linalg.eigh(covariances)
     return values[:, : -most - 1 : -1], vectors.transpose(0, 2, 1)[:, : -most - 1 : -1]
 
@@ -268,10 +260,11 @@ def placed(
     """Give windows' vectors, and their leading eigenvectors, as `WindowIndex` keeps them."""
     pieces = []
     for numbers, leading in windows:
-        vectors = (each.astype(np.float16, order="C") for each in comparison.place(numbers))
+        joined = comparison.joined(numbers, comparison.placed(numbers))
+        vectors = (each.astype(np.float16, order="C") for each in joined)
         pieces.append((leading.astype(np.float32), *vectors))
-    eigenvectors, *joined = map(np.concatenate, zip(*pieces, strict=True))
-    return tuple(joined), eigenvectors
+    eigenvectors, *of_groups = map(np.concatenate, zip(*pieces, strict=True))
+    return tuple(of_groups), eigenvectors
 
 
 def thinned(clip: Clip, frame_rate: float) -> Clip:

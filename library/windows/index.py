@@ -117,19 +117,22 @@ class WindowIndex:
     def _windows(self) -> Comparer:
         """The windows as they are compared."""
         whose = np.array([np.unique(each, return_inverse=True)[1] for each in zip(*self._whose, strict=True)]).T
-        return Comparer.of(self.comparison, self.vectors, self.eigenvectors, whose)
+        return Comparer.of(self.comparison.weighing, self.vectors, self.eigenvectors, whose)
 
     @cached_property
     def comparer(self) -> Comparer:
         """The windows as a live window is compared with them."""
         # What judges a guess where the library cannot learn what is unknown.
         judged = self.comparison.weighing.judges and self.rejection.by_likelihood
-        likelihood = Likelihood.of(self.vectors, self._windows.classes) if judged else None
+        likelihood = Likelihood.of(self.vectors) if judged else None
         return self._windows._replace(likelihood=likelihood, head=self.head and self.head.of_classes(self.classes))
 
     def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
-        """Compare some windows with all windows, together."""
-        return self.comparer.distances(signatures)
+        """Compare some windows with all windows, together: then the library's come from memory once."""
+        numbers = {part: np.array([each.parts[part] for each in signatures]) for part in signatures[0].parts}
+        leading = np.array([each.leading for each in signatures], dtype=np.float32)
+        placed = self.comparison.placed(numbers)
+        return self.comparer.distances(leading, placed.values(), self.comparison.joined(numbers, placed))
 
     def asked_by(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Compare one of the library's own windows with the others, without some of them.
@@ -147,7 +150,7 @@ class WindowIndex:
         class without windows left.
         """
         asked = [each[window : window + 1].astype(np.float32, order="C") for each in self.vectors]
-        return self._windows.logs(asked, left_out)[:, 0]
+        return self._windows.logs(asked, np.where(left_out, np.inf, 0.0))[:, 0]
 
     # --- learned from the motions -------------------------------------------------------------------------------------
 
@@ -172,6 +175,14 @@ class WindowIndex:
         """The moments of the motions with their phases, by which progress is followed."""
         named = [motion for motion in self.framed.motions if motion.class_name != NOTHING]
         return PhaseTable.of(named, self.body, self.basis)
+
+    @cached_property
+    def seconds_into(self) -> NDArray[np.float64]:
+        """The seconds from a motion's beginning to the end of each window, (windows,); of an index that is no view."""
+        measured = Measured.of(self.library, every_in(self.library), self.comparison.weighing.first)
+        return np.concatenate(
+            [ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)]
+        )
 
     @property
     def framed(self) -> MotionLibrary:

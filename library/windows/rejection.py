@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from kinespace.library.library_file import Learned
+from kinespace.library.windows.comparer import named_and_alone
 from kinespace.library.windows.taught import usual_weighing
 
 if TYPE_CHECKING:
@@ -304,13 +305,13 @@ def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64]
         own = people == people[asking] if several else index.motions == index.motions[asking]
         logs = index.asked_by(asking, own)
         performed = int(classes[asking])
-        nearest = weighing.named(logs)
+        nearest, alone = named_and_alone(logs, weighing)
         if np.isfinite(nearest[performed]) and int(nearest.argmin()) == performed:
-            known.append(Evidence.of(weighing.alone(logs), performed).compared)
+            known.append(Evidence.of(alone, performed).compared)
         logs[:, performed] = np.inf
-        nearest = weighing.named(logs)
+        nearest, alone = named_and_alone(logs, weighing)
         if np.isfinite(nearest).any():
-            unknown.append(Evidence.of(weighing.alone(logs), int(nearest.argmin())).compared)
+            unknown.append(Evidence.of(alone, int(nearest.argmin())).compared)
             asked.append(performed)
     shape = (-1, 2 * len(weighing.groups))
     return np.array(known).reshape(shape), np.array(unknown).reshape(shape), np.array(asked, dtype=np.intp)

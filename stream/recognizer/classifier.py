@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from numbers import Real
 from typing import Any, Self
@@ -13,15 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from kinespace.library import NOTHING, Clip, MotionLibrary, Skeleton, WindowIndex, distance_rows, opened
 from kinespace.library.naming import hdm05
 from kinespace.library.signature.parts import Signature
-from kinespace.library.windows.comparer import agreed
-from kinespace.library.windows.cutting import Measured, every_in, window_ends
+from kinespace.library.windows.comparer import named_and_alone
+from kinespace.library.windows.cutting import window_ends
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Frame
 from kinespace.stream.recognition import Recognition
-from kinespace.stream.recognizer.live_windows import window_of
 from kinespace.stream.recognizer.recognizer import Recognizer
 from kinespace.stream.recognizer.settings import Settings
-from kinespace.stream.recognizer.window import signature
+from kinespace.stream.recognizer.window import Window
 
 #: Seconds added to the times of two windows before they are compared: a motion's first moments are alike.
 _BEGINNING = 0.3
@@ -191,30 +189,18 @@ def _log_distances(index: WindowIndex, clip: Clip, ends: NDArray[np.intp], timin
     As the recogniser has it, but that windows at other times since the beginning are farther: by `timing` times the
     logarithm of how many times as long after it.
     """
-    comparison, comparer, window = index.comparison, index.comparer, window_of(index)
-    weighing = comparison.weighing
+    comparison, comparer, window = index.comparison, index.comparer, Window(index)
     times, rows = clip.times.tolist(), distance_rows(clip.positions, clip.skeleton)
     seen = list[Signature]()
     for begin, end in pairwise([0, *ends.tolist()]):
         window.push(times[begin:end], rows[begin:end])
-        seen.append(signature(window, weighing.parts, index.body, weighing.eigenvectors))
-    numbers = {part: np.array([each.parts[part] for each in seen]) for part in weighing.parts}
-    placed, asked = comparison.placed_and_joined(numbers)
+        seen.append(window.shown())
+    numbers = {part: np.array([each.parts[part] for each in seen]) for part in comparison.weighing.parts}
+    placed = comparison.placed(numbers)
     since = ends[:, None] / clip.frame_rate + _BEGINNING
-    logs = timing * np.abs(np.log(since / (seconds_into(index) + _BEGINNING)))
-    groups = zip(weighing.views[0], asked, comparer.windows, comparer.lengths, strict=True)
-    for weight, own, windows, lengths in groups:
-        squared = np.square(own).sum(axis=1)[:, None] + lengths - 2 * own @ windows
-        logs += weight * np.log(np.maximum(squared, weighing.nearest))
-    found = agreed(logs, comparer.starts, comparer.persons)
+    late = timing * np.abs(np.log(since / (index.seconds_into + _BEGINNING)))
+    found = named_and_alone(comparer.logs(comparison.joined(numbers, placed), late), comparison.weighing)[0]
     return found + comparer.head.added(placed.values()) if comparer.head else found
-
-
-@lru_cache(maxsize=4)
-def seconds_into(index: WindowIndex) -> NDArray[np.float64]:
-    """Give the seconds from a motion's beginning to the end of each of an opened library's windows, (windows,)."""
-    measured = Measured.of(index.library, every_in(index.library), index.comparison.weighing.first)
-    return np.concatenate([ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)])
 
 
 def recognise(library: MotionLibrary, clip: Clip, settings: Settings | None = None) -> list[Recognition]:

@@ -11,17 +11,20 @@ which never comes by chance.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, WindowIndex
-from kinespace.library.windows.rejection import Evidence, Rejection
-from kinespace.stream.recognition import Event, EventKind, Outcome, Recognition
-from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
+from kinespace.library.windows.rejection import RATES, Evidence, Rejection
+from kinespace.stream.frame import Frame
+from kinespace.stream.recognition import Done, Event, EventKind, Outcome, Recognition
+from kinespace.stream.recognizer.done import Found, Look
+from kinespace.stream.recognizer.joints import Joints
+from kinespace.stream.recognizer.settings import Settings, needed_lead
+from kinespace.stream.recognizer.window import Window
 
 #: The lead after which a class becomes the guess.
 LEAD = 0.6
@@ -44,7 +47,7 @@ _ENDED_AFTER = {
     Outcome.AMBIGUOUS: 0.4,
     Outcome.IMPLAUSIBLE: 0.8,
 }
-#: Seconds over which `SoFar` averages, and the largest log distance, which a class without windows has.
+#: Seconds over which the movement so far is averaged, and the largest log distance, which a class without windows has.
 _SO_FAR, _FARTHEST = 1.5, 20.0
 #: Seconds for which a course that was near lets a class start that has led for long enough.
 _NEAR_FOR = 0.2
@@ -52,6 +55,9 @@ _NEAR_FOR = 0.2
 _SEEN = 0.5
 #: (λ₁ − λ₂) / λ₁ below which the paper's eigenvector is too arbitrary to be compared.
 _SMALLEST_GAP = 0.02
+#: A class's evidence counts above the logit that the first of `rejection.RATES` of unknown movement has; above this one
+#: for few people's classes beside others: those taught what is unknown, and such a class's own motions have less.
+_RATE_BESIDE = RATES.index(0.05)
 #: The name that stands for "no class".
 _NONE = ""
 
@@ -111,29 +117,6 @@ class Hysteresis:
         return True
 
 
-class SoFar:
-    """Follows which class the last seconds are nearest to: an average of log distances, by movement.
-
-    A motion's end, the return to rest, moves little and weighs little, so that no beginning need be found.
-    """
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget everything, as at the start."""
-        self._sums: NDArray[np.float64] | float = 0.0
-        self._time = math.nan
-
-    def push(self, distances: NDArray[np.float64], movement: float, time: float) -> int:
-        """Take in each class's log distance, (classes,), how much the window moves, and seconds; give the nearest."""
-        elapsed = _FIRST_HOP if math.isnan(self._time) else time - self._time
-        self._time = time
-        weighed = movement * elapsed * np.minimum(distances, _FARTHEST)
-        self._sums = math.exp(-elapsed / _SO_FAR) * self._sums + weighed
-        return int(self._sums.argmin())
-
-
 #: The averaged evidence, a logit (`library.windows.rejection`), NaN before the first; and whether the guess is known.
 Judged = tuple[float, bool]
 NOT_JUDGED: Judged = (math.nan, False)
@@ -159,113 +142,131 @@ def averaged(before: Judged, logit: float, threshold: float, elapsed: float, rej
     return average, average >= threshold - (rejection.held if known else 0.0)
 
 
-class Decided(NamedTuple):
-    """The decision for the windows that end now.
-
-    Attributes
-    ----------
-    outcome
-        Whether the guess is named, else why not.
-    guess
-        The class that is guessed; `nothing` for movement like the library's motions of that name.
-    lead
-        Log distance by which the guess is ahead of all other classes, below 0 while it is held.
-    evidence
-        The evidence for the guess; None where the comparison does not judge.
-    average
-        The averaged evidence, a logit; None likewise.
-    """
-
-    outcome: Outcome
-    guess: str
-    lead: float
-    evidence: Evidence | None
-    average: float | None = None
-
-
 class Decision:
-    """Decides for one performer.
+    """Decides for one performer, and makes the recognition with its events.
 
     Parameters
     ----------
-    lead
-        Lead that a class needs before a start event. More is later and surer.
-    going_on
-        The start of a motion that goes on already.
-    stillness
-        As in `stream.recognizer.settings.Settings`.
+    index
+        The library's windows, by all joints.
+    settings
+        How motions are recognised.
+    order
+        As `order` of `Recognizer.exchange`.
+
+    Attributes
+    ----------
+    classes
+        The class names, in the order in which answers count them.
+    events
+        When motions start and end.
+    ended_at
+        When a motion that goes on has ended, seconds, until the next answer says it; None while it goes on.
+    evident
+        The last guess, and its evidence above what unknown movement has; None where the comparison does not judge.
     """
 
-    def __init__(self, lead: float, going_on: Event | None = None, stillness: float = 0.0) -> None:
-        self._guess, self._judged, self._event = Hysteresis(LEAD), NOT_JUDGED, Hysteresis(lead)
-        self._active, self._stillness = going_on, stillness
-        self._event.current = going_on.label if going_on else None
-        self._decided_at = self._event_at = math.nan
-        self._seen_until = -math.inf
-        self._near, self._near_until = "", -math.inf
-
-    @property
-    def going_on(self) -> Event | None:
-        """The start of the motion that goes on; None when no motion goes on."""
-        return self._active
+    def __init__(self, index: WindowIndex, settings: Settings, order: Sequence[str]) -> None:
+        self._stillness = settings.stillness
+        self._guess, self.events = Hysteresis(LEAD), Events(needed_lead(index.library, settings))
+        self.ended_at: float | None = None
+        self._answer_with(index, settings, order)
+        self.clear()
 
     def clear(self) -> None:
         """Forget the guess and the evidence, as at the start; a motion that goes on stays."""
         self._guess.clear()
-        self._judged, self._decided_at, self._near_until = NOT_JUDGED, math.nan, -math.inf
+        self.events.clear()
+        self._judged, self._decided_at = NOT_JUDGED, math.nan
+        self.evident: tuple[str, float] | None = None
+        self._sums, self._summed_at = np.zeros(len(self.classes)), math.nan
 
-    def exchange(self, index: WindowIndex, classes: Collection[str], lead: float, time: float) -> Event | None:
-        """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone.
+    def _answer_with(self, index: WindowIndex, settings: Settings, order: Sequence[str]) -> None:
+        """Answer with the classes of an index, in an order."""
+        self._index, classes, courses = index, index.classes, index.courses if settings.promised else None
+        self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
+        # Few people's classes start when a course of theirs was seen. Other classes start by their lead, because the
+        # library has learned what is unknown to them.
+        self._by_course = courses.of_few if courses else frozenset[str]()
+        self._beside = courses.beside_others if courses else frozenset[str]()
+        # The index of each class among the index's, one behind the last for a class without windows.
+        self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
+        self._all_named = self.classes == classes
+        #: The average of the last seconds' log distances, by movement, and when it was formed.
+        self._sums, self._summed_at = np.zeros(len(self.classes)), math.nan
 
-        Parameters
-        ----------
-        index
-            The library's windows.
-        classes
-            The classes that are answered.
-        lead
-            As in the constructor.
-        time
-            Seconds.
-        """
+    def exchange(self, index: WindowIndex, settings: Settings, order: Sequence[str], time: float) -> Event | None:
+        """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone."""
+        self._answer_with(index, settings, order)
         self._guess.keep(index.classes)
-        self._event.needed = lead
-        if self._active and self._active.label not in classes:
-            return self.end(time)
-        self._event.keep({*classes, _NONE})
-        if self._active:
-            self._active = replace(self._active, index=list(classes).index(self._active.label))
-        return None
+        return self.events.exchange(self.classes, needed_lead(index.library, settings), time)
 
-    def push(self, windows: LiveWindows, seen: Compared, noise: float, time: float) -> Decided:
-        """Decide for the windows that end now.
+    def push(self, frame: Frame, window: Window, joints: Joints, look: Look) -> Recognition:
+        """Decide for the window that ends with a frame.
 
         Parameters
         ----------
-        windows, seen
-            The windows, and what they gave when they were read.
-        noise
-            Standard deviation of a distance's noise, metres.
-        time
-            Seconds, on the clock of the frames.
+        frame
+            The frame.
+        window
+            What was read, and compared.
+        joints
+            Which joints can be believed.
+        look
+            What was seen of whole motions.
         """
-        elapsed = _FIRST_HOP if math.isnan(self._decided_at) else time - self._decided_at
-        self._decided_at = time
-        index, (signature, distances) = windows.index, seen
-        weighing, classes = index.comparison.weighing, index.classes
-        guess, lead = self._follow(distances.named, classes, elapsed)
-        known, evidence, average = True, None, None
+        index, signature, found = window.index, window.signature, window.distances
+        if signature is None or found is None:
+            raise ValueError("window: expected one that was read and compared, got another")
+        classes, weighing, distances = index.classes, index.comparison.weighing, found.named
+        elapsed = _FIRST_HOP if math.isnan(self._decided_at) else frame.time - self._decided_at
+        self._decided_at = frame.time
+        guess, lead = self._follow(distances, classes, elapsed)
+        known, evidence, self.evident = True, None, None
         if weighing.judges:
-            evidence = Evidence.of(distances.judged, classes.index(guess), noise)
-            rejection = index.rejection
+            evidence, rejection = Evidence.of(found.judged, classes.index(guess), window.noise), index.rejection
             logit = rejection.logit(evidence, guess)
-            self._judged = average, known = averaged(self._judged, logit, windows.threshold, elapsed, rejection)
+            self._judged = average, known = averaged(self._judged, logit, window.threshold, elapsed, rejection)
+            unknown = rejection.thresholds.item(_RATE_BESIDE if guess in self._beside else 0)
+            self.evident = guess, average - unknown
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
         if not weighing.judges and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
         if signature.movement < self._stillness:
             outcome = Outcome.STILL
-        return Decided(outcome, guess, lead, evidence, average)
+        # Windows of all joints say nothing where some are left out.
+        if joints.only_jumps or (joints.left_out and index is self._index):
+            outcome = Outcome.IMPLAUSIBLE
+        if not self._all_named:
+            # A class without windows is infinitely far.
+            distances = np.append(distances, np.inf)[self._named]
+        best = int(found.scores.argmax())
+        scores = np.exp(distances)
+        scores += 1.0
+        recognition = Recognition(
+            performer=frame.performer,
+            time=frame.time,
+            outcome=outcome,
+            classes=self.classes,
+            scores=np.divide(1.0, scores, out=scores),
+            # A window nearest to `nothing` is unknown; its best guess is the nearest class.
+            guess=self.classes.index(guess) if guess in self.classes else int(distances.argmin()),
+            so_far=self._so_far(distances, signature.movement, frame.time),
+            movement=signature.movement,
+            lead=lead,
+            eigenvector_class=classes[best] if classes[best] in self.classes else None,
+            eigenvector_score=found.scores.item(best),
+            share=signature.share,
+            gap=signature.gap,
+            evidence=evidence,
+            doubted=joints.doubted,
+            done=self._done_of(frame.performer, look.done) if look.done else None,
+            seen=look.seen if look.seen and look.seen.class_name in self._by_course else None,
+            by_course=guess in self._by_course,
+            ended_at=self.ended_at,
+        )
+        events, self.ended_at = self.events.push(recognition), None
+        return replace(recognition, events=events) if events else recognition
 
     def _follow(self, distances: NDArray[np.float64], classes: tuple[str, ...], elapsed: float) -> tuple[str, float]:
         """Let the guess follow the nearest class; give the guess and its lead over all other classes."""
@@ -280,7 +281,60 @@ class Decision:
             guess = self._guess.current = leader
         return guess, ahead if guess == leader else nearest - listed[classes.index(guess)]
 
-    def events(self, recognition: Recognition) -> tuple[Event, ...]:
+    def _so_far(self, distances: NDArray[np.float64], movement: float, time: float) -> int:
+        """Give the class that the last seconds are nearest to: an average of log distances, (classes,), by movement.
+
+        A motion's end, the return to rest, moves little and weighs little, so that no beginning need be found.
+        """
+        elapsed = _FIRST_HOP if math.isnan(self._summed_at) else time - self._summed_at
+        self._summed_at = time
+        weighed = movement * elapsed * np.minimum(distances, _FARTHEST)
+        self._sums = math.exp(-elapsed / _SO_FAR) * self._sums + weighed
+        return int(self._sums.argmin())
+
+    def _done_of(self, performer: str, found: Found) -> Done:
+        seconds = found.end - found.start
+        index = self.classes.index(found.class_name)
+        return Done(performer, found.class_name, index, found.start, seconds, found.score, found.speed, found.amplitude)
+
+
+class Events:
+    """Says once when a motion starts and ends, from recognitions.
+
+    Parameters
+    ----------
+    lead
+        Lead that a class needs before a start event. More is later and surer.
+    going_on
+        The start of a motion that goes on already.
+
+    Attributes
+    ----------
+    going_on
+        The start of the motion that goes on; None when no motion goes on.
+    """
+
+    def __init__(self, lead: float, going_on: Event | None = None) -> None:
+        self._event, self.going_on = Hysteresis(lead), going_on
+        self._event.current = going_on.label if going_on else None
+        self._event_at, self._seen_until = math.nan, -math.inf
+        self._near, self._near_until = "", -math.inf
+
+    def clear(self) -> None:
+        """Forget the courses that were near; a motion that goes on stays."""
+        self._near_until = -math.inf
+
+    def exchange(self, classes: Sequence[str], lead: float, time: float) -> Event | None:
+        """Go on with other classes, and the lead that they need; end a motion whose class is gone, at a time."""
+        self._event.needed = lead
+        if self.going_on and self.going_on.label not in classes:
+            return self.end(time)
+        self._event.keep({*classes, _NONE})
+        if self.going_on:
+            self.going_on = replace(self.going_on, index=classes.index(self.going_on.label))
+        return None
+
+    def push(self, recognition: Recognition) -> tuple[Event, ...]:
         """Take in the next recognition; give the events it causes: none, an end, a start, or an end and a start.
 
         A class of few people starts when the course of its motions has been seen, or when it has led for long enough
@@ -293,7 +347,7 @@ class Decision:
         if not 0 <= elapsed <= _MAX_HOP:
             elapsed = _MAX_HOP if elapsed > 0 else 0.0
         if seen := recognition.seen:
-            goes_on = self._active is not None and self._active.label == seen.class_name
+            goes_on = self.going_on is not None and self.going_on.label == seen.class_name
             self._near, self._near_until = seen.class_name, recognition.time + _NEAR_FOR
             if (goes_on and seen.score > 0.5) or seen.begins:
                 self._seen_until = recognition.time + _SEEN + 1.5 * seen.seconds
@@ -303,7 +357,7 @@ class Decision:
         named = recognition.class_name or _NONE
         pace = min(max(recognition.lead, 0.0), _MAX_EVENT_PACE)
         if named and recognition.by_course:
-            is_seen = self._active and self._active.label == named and recognition.time < self._seen_until
+            is_seen = self.going_on and self.going_on.label == named and recognition.time < self._seen_until
             is_seen = is_seen or (self._near == named and recognition.time < self._near_until)
             named = named if is_seen else _NONE
         if named == _NONE:
@@ -315,12 +369,12 @@ class Decision:
     def _starts(self, recognition: Recognition, index: int, score: float | None = None) -> tuple[Event, ...]:
         """End the motion that goes on, and start another, with a score of its own; -1 starts none."""
         self._event.current = recognition.classes[index] if index >= 0 else _NONE
-        ended = [_event(EventKind.END, recognition, self._active.index)] if self._active else []
-        self._active = None
+        ended = [_event(EventKind.END, recognition, self.going_on.index)] if self.going_on else []
+        self.going_on = None
         if index >= 0:
             started = _event(EventKind.START, recognition, index)
-            self._active = started if score is None else replace(started, score=score)
-        return (*ended, *([self._active] if self._active else []))
+            self.going_on = started if score is None else replace(started, score=score)
+        return (*ended, *([self.going_on] if self.going_on else []))
 
     def ends(self, recognition: Recognition) -> tuple[Event, ...]:
         """End a motion that goes on where the recognition says that it has ended before."""
@@ -329,7 +383,7 @@ class Decision:
 
     def end(self, time: float) -> Event | None:
         """End the motion that is going on, at a time in seconds; None when none is."""
-        begun, self._active = self._active, None
+        begun, self.going_on = self.going_on, None
         self._event.clear()
         self._event_at = math.nan
         return replace(begun, kind=EventKind.END, time=time) if begun else None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.landmark_body import are_of_landmarks
-from kinespace.library.windows.segments import is_flat, logs_of
+from kinespace.library.windows.segments import FLAT, is_flat, logs_of
 
 #: Joints guessed from one camera's pictures, or measured by a suit, markers or a depth sensor.
 FeedKind = Literal["guessed", "measured"]
@@ -21,6 +21,8 @@ NOTES: dict[FeedKind, str] = {
     "(--teach)",
     "measured": "a measured body, and one camera's taught the library: its names are less sure",
 }
+#: What is said of a performer whose body is unlike the library's.
+_UNLIKE_NOTE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Where in each motion a body is looked at: a quick limb between two pictures is too short.
 _IN_MOTIONS = (0.25, 0.5, 0.75)
 
@@ -60,10 +62,9 @@ class Fitting:
     ----------
     unlike
         Whether the body is unlike the library's; None until that is decided.
-    other_kind
-        The kind of the feed if it did not teach the library; None if it did, and until that is decided.
-    flat
-        Whether all frames looked at lie in a plane; False until that is decided.
+    note
+        What is odd about the body, in words: it lies in a plane, its kind of feed did not teach the library, or it is
+        unlike the library's; empty for nothing, and until that is decided.
     due
         When to look next, seconds on the feed's clock; never once it is decided.
     """
@@ -72,8 +73,7 @@ class Fitting:
         self._body, self._library = index.segments, index.library
         self._bodies: list[NDArray[np.float64]] = []
         self.unlike: bool | None = None
-        self.other_kind: FeedKind | None = None
-        self.flat = False
+        self.note = ""
         self.due = -math.inf
 
     def begin_again(self) -> None:
@@ -88,7 +88,7 @@ class Fitting:
             bodies = np.array(self._bodies)
             logs = logs_of(self._body.lengths(bodies))
             stretch = float(logs.std(axis=0).mean()) if logs.size else 0.0
-            self.flat = is_flat(bodies)
             self.unlike, self.due = self._body.unlike(logs.mean(axis=0), stretch) > UNLIKE, math.inf
             kind = kind_of(self._library.skeleton.joints, bodies)
-            self.other_kind = None if kind in kinds_of(self._library) else kind
+            usual = _UNLIKE_NOTE if self.unlike else ""
+            self.note = FLAT if is_flat(bodies) else usual if kind in kinds_of(self._library) else NOTES[kind]

@@ -321,8 +321,10 @@ class Joints:
 
     Attributes
     ----------
-    left_out
-        Indices of the joints that are not believed now, ascending.
+    left_out, doubted
+        Indices of the joints that are not believed now, ascending, and their names.
+    only_jumps
+        Whether nearly all movement of the last seconds is jumps of the whole body.
     """
 
     def __init__(
@@ -349,11 +351,8 @@ class Joints:
         #: The mean way of the joints lately, metres: by jumps that are in the windows, and without jumps.
         self._jumped = self._moved = 0.0
         self.left_out: tuple[int, ...] = ()
-
-    @property
-    def doubted(self) -> tuple[str, ...]:
-        """Names of the joints that are left out."""
-        return tuple(self._names[joint] for joint in self.left_out) if self.left_out else ()
+        self.doubted: tuple[str, ...] = ()
+        self.only_jumps = False
 
     @property
     def newest(self) -> NDArray[np.float64] | None:
@@ -378,10 +377,6 @@ class Joints:
         if self._last_time - self._last_jump <= _SHOWN:
             return f"joints: the whole body jumped at {self._last_jump:.2f} s"
         return ""
-
-    def only_jumps(self, time: float) -> bool:
-        """Say whether nearly all movement in the windows that end now is jumps of the whole body."""
-        return time - self._last_jump < _IN_WINDOWS and self._jumped > ONLY_JUMPS * self._moved
 
     def mend(self, times: Sequence[float]) -> int | None:
         """Look at the frames of a hop and mend them in place.
@@ -423,6 +418,8 @@ class Joints:
                 self._doubted_until[joint] = times[-1] + BELIEVED_AFTER
         if self.left_out or self._any_lost or self._plausibility.doubted:
             self.left_out = tuple(np.flatnonzero(self._doubted_until > times[-1]).tolist())
+            self.doubted = tuple(self._names[joint] for joint in self.left_out)
+        self.only_jumps = times[-1] - self._last_jump < _IN_WINDOWS and self._jumped > ONLY_JUMPS * self._moved
         return begun
 
     def _hold(self, times: Sequence[float], positions: NDArray[np.float64]) -> None:

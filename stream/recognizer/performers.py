@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from kinespace.library import Skeleton, WindowIndex, by_joints
 from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
-from kinespace.library.windows.segments import FLAT
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.carried import Carried, carried_by
-from kinespace.stream.recognizer.fitting import NOTES
 from kinespace.stream.recognizer.recognizer import (
     MAX_PAUSE,
     Due,
@@ -46,8 +44,6 @@ class SentJoints:
     naming: Naming = field(default_factory=Naming)
 
 
-#: The note on a body unlike the library's.
-UNLIKE = "these joints move unlike the library's: expect few right names, teach your own (--teach)"
 #: Sets of joints that the library is restricted to at most: each has windows of its own, which take room and time.
 _MAX_SETS = 3
 #: Performers that are answered together, at most: what they need then fits into the processor's cache.
@@ -98,15 +94,6 @@ class _Performer:
     is_waiting: bool = False
     #: Joints of the last frame refused for its joints; 0 when none was refused since the joints were last named.
     refused_size: int = 0
-
-    @property
-    def frames_and_answers(self) -> tuple[int, int]:
-        """How many frames were taken in, and how many of them were answered."""
-        return self.recognizer.counts.frames, self.recognizer.counts.hops
-
-    def end(self) -> Event | None:
-        """End the motion that goes on."""
-        return self.recognizer.end()
 
 
 class Newcomers:
@@ -221,7 +208,7 @@ class Performers:
     def end_paused(self, now: float) -> list[Event]:
         """Give the ends of the motions of performers who send nothing for now, as their next frames would show."""
         paused = (each for each in self._performers.values() if now - each.newest > MAX_PAUSE)
-        return [event for each in paused if (event := each.end())]
+        return [event for each in paused if (event := each.recognizer.end())]
 
     def take_gone(self) -> list[str]:
         """Give the performers who were dropped since the last call."""
@@ -230,7 +217,7 @@ class Performers:
 
     def end(self) -> list[Event]:
         """Give the ends of all motions going on, because nothing more will come."""
-        return [*self._take_ended(), *(event for each in self._performers.values() if (event := each.end()))]
+        return [*self._take_ended(), *(event for each in self._performers.values() if (event := each.recognizer.end()))]
 
     def _take_ended(self) -> list[Event]:
         ended, self._ended = self._ended, []
@@ -368,7 +355,7 @@ class Performers:
         Also performers of another kind of feed than the library's, or whose joints move unlike the library's, or in a
         plane.
         """
-        notes = {name: (self._described(each), _oddity(each.recognizer)) for name, each in self._performers.items()}
+        notes = {name: (self._described(each), each.recognizer.oddity) for name, each in self._performers.items()}
         return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
@@ -580,7 +567,7 @@ class Performers:
     def _retire(self, performer: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
         self._past.add(performer.recognizer.counts)
-        if ended := performer.end():
+        if ended := performer.recognizer.end():
             self._ended.append(ended)
 
     def _begin(self, name: str, now: float) -> _Performer:
@@ -601,17 +588,8 @@ def _answer(waiting: dict[str, tuple[int, Due]], answers: list[Recognition | Non
 
 def _is_idle(performer: _Performer, now: float) -> bool:
     """Say whether a performer was never answered, or sends fewer frames a second than any feed has."""
-    seconds, (frames, answers) = now - performer.begun, performer.frames_and_answers
-    return seconds > _STEADY_SECONDS and (not answers or frames * _STEADY_SECONDS < _STEADY_FRAMES * seconds)
-
-
-def _oddity(recognizer: Recognizer) -> str:
-    """Say what is odd about a body that has moved for some seconds."""
-    if recognizer.flat:
-        return FLAT
-    if recognizer.other_kind:
-        return NOTES[recognizer.other_kind]
-    return UNLIKE if recognizer.unlike else ""
+    seconds, counts = now - performer.begun, performer.recognizer.counts
+    return seconds > _STEADY_SECONDS and (not counts.hops or counts.frames * _STEADY_SECONDS < _STEADY_FRAMES * seconds)
 
 
 def _in_order(frame: Frame, performer: _Performer) -> Frame:

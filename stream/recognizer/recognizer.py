@@ -1,32 +1,31 @@
 """The recogniser of one performer: frames go in with their time, recognitions come out.
 
 There is no socket, clock, thread or print in here. The recogniser sorts out frames that come late, starts again after
-gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`joints`), what the
-windows show and how near the library's are (`live_windows`), what that means (`decision`), how far the motion is
-(`progress`), and whether a motion was really done (`done`).
+gaps, and keeps the hops. At a hop it asks others: which joints can be believed (`joints`), what the last seconds show
+(`window`), how near the library's windows are, what that means (`decision`), how far the motion is (`progress`), and
+whether a motion was really done (`done`).
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, MotionLibrary, WindowIndex, by_joints, distance_rows
 from kinespace.library.signature.body import Body
-from kinespace.library.windows.rejection import RATES
 from kinespace.stream.frame import Frame
-from kinespace.stream.recognition import Done, Event, Outcome, Recognition
-from kinespace.stream.recognizer.decision import Decision, SoFar
-from kinespace.stream.recognizer.done import Asked, DoneFollower, Found, Look, costs_of
-from kinespace.stream.recognizer.fitting import FeedKind, Fitting
+from kinespace.stream.recognition import Event, Outcome, Recognition
+from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.done import Asked, DoneFollower, Look, costs_of
+from kinespace.stream.recognizer.fitting import Fitting
 from kinespace.stream.recognizer.joints import Joints
-from kinespace.stream.recognizer.live_windows import Compared, Covariance, LiveWindows, RowSmoother, compare
 from kinespace.stream.recognizer.progress import ProgressFollower
-from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, needed_lead, threshold_for
+from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, threshold_for
+from kinespace.stream.recognizer.window import Covariance, RowSmoother, Window
 
 #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
 #: nothing can be compared by these joints.
@@ -49,9 +48,6 @@ _GAPS = 3
 _EARLY = 1e-3
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
 _ASKED_AGAIN = 0.5
-#: A class's evidence counts above the logit that the first of `rejection.RATES` of unknown movement has; above this one
-#: for few people's classes beside others: those taught what is unknown, and such a class's own motions have less.
-_RATE_BESIDE = RATES.index(0.05)
 _SECOND_THREAD = "a recogniser is used by one thread at a time: expected none, got a second"
 
 
@@ -109,8 +105,6 @@ class Recognizer:
     ----------
     counts
         Counts of the frames, by their fate.
-    classes
-        The class names, in the order in which answers count them.
     settings
         How motions are recognised.
 
@@ -131,18 +125,17 @@ class Recognizer:
         if not isinstance(self.settings, Settings):
             raise ValueError(f"settings: expected Settings, got {type(settings).__name__}")  # noqa: TRY004
         index = index_for(library, self.settings)
-        self._views, self._windows = views, LiveWindows(index, threshold_for(index, self.settings))
         require_order(classes, index.library)
+        self._views, self._window = views, Window(index, threshold_for(index, self.settings))
         self.counts = RecognizerCounts()
-        self._decision = Decision(needed_lead(index.library, self.settings), stillness=self.settings.stillness)
-        self._so_far = SoFar()
+        self._decision = Decision(index, self.settings, classes)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
         promised = self.settings.promised
         self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
         #: What the last look at whole motions saw, until an answer says it.
         self._look: Look | None = None
-        self._answer_with(index, classes)
-        skeleton = index.library.skeleton
+        self._gap = min(self.settings.longest_gap, self._window.seconds)
+        self._skeleton = skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
@@ -155,8 +148,6 @@ class Recognizer:
         self._early = _EARLY * self.settings.hop
         self._clear()
         self._last = -math.inf
-        #: When a motion that goes on has ended, seconds, until the next answer says it; None while it goes on.
-        self._ended_at: float | None = None
         self._busy = False
         #: The performer who is followed; None before the first frame.
         self._performer: str | None = None
@@ -177,30 +168,29 @@ class Recognizer:
     @property
     def library(self) -> MotionLibrary:
         """The motions that are compared."""
-        return self._windows.index.library
+        return self._window.index.library
 
-    def _answer_with(self, index: WindowIndex, order: Sequence[str]) -> None:
-        """Answer with the classes of an index, in an order."""
-        classes = index.classes
-        self.classes = tuple(order) or tuple(name for name in classes if name in index.library.classes)
-        # Few people's classes start when a course of theirs was seen. Other classes start by their lead, because the
-        # library has learned what is unknown to them.
-        self._by_course = index.courses.of_few if self._done else frozenset[str]()
-        self._beside = index.courses.beside_others if self._done else frozenset[str]()
-        # The index of each class among the index's, one behind the last for a class without windows.
-        self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
-        self._all_named = self.classes == classes
-        self._longest_gap = min(self.settings.longest_gap, self._windows.longest)
-        self._so_far.clear()
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The class names, in the order in which answers count them."""
+        return self._decision.classes
 
-    def _forget_fewer(self) -> None:
-        """Forget the windows of fewer joints."""
-        self._fewer: LiveWindows | None = None
+    def _clear(self) -> None:
+        #: The windows of fewer joints, and the places of their distances among all.
+        self._fewer: Window | None = None
         self._places: NDArray[np.intp] | None = None
         #: The joints that were left out when these windows were asked for, and when that was.
         self._without: tuple[int, ...] = ()
         self._asked_for: tuple[int, ...] = ()
         self._asked = -math.inf
+        self._begin_again()
+        self._joints.clear()
+        self._fitting.begin_again()
+        self._times.clear()
+        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
+        # gap.
+        self._newest, self._due = math.nan, -math.inf
+        self._late_in_a_row = 0
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> Event | None:
         """Compare with another library from the next hop on; no window and no answer is lost.
@@ -230,21 +220,19 @@ class Recognizer:
             The library has other joints; nothing is exchanged.
         """
         index = index_for(library, self.settings)
-        self.library.skeleton.require_same(index.library.skeleton)
+        self._skeleton.require_same(index.library.skeleton)
         require_order(order, index.library)
         with self._alone():
-            self._windows.exchange(index)
+            self._window.exchange(index, threshold_for(index, self.settings))
+            self._gap = min(self.settings.longest_gap, self._window.seconds)
             self._fitting = Fitting(index)
-            self._windows.threshold = threshold_for(index, self.settings)
-            self._answer_with(index, order)
             self._fewer, self._asked_for = None, ()
             if self._progress:
                 self._progress.exchange(index.phases)
             if self._done:
                 self._done.exchange(index.courses)
             self._look = None
-            lead = needed_lead(index.library, self.settings)
-            return self._decision.exchange(index, self.classes, lead, self._end_time)
+            return self._decision.exchange(index, self.settings, order, self._end_time)
 
     @property
     def doubt(self) -> str:
@@ -265,14 +253,9 @@ class Recognizer:
         return self._fitting.unlike
 
     @property
-    def other_kind(self) -> FeedKind | None:
-        """The kind of the feed if another kind taught the library; None if not, and until the body has moved."""
-        return self._fitting.other_kind
-
-    @property
-    def flat(self) -> bool:
-        """Whether the body lies in a plane; False until it has moved."""
-        return self._fitting.flat
+    def oddity(self) -> str:
+        """A note on a body in a plane, of another kind of feed than the library's, or unlike it; else empty."""
+        return self._fitting.note
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
@@ -288,7 +271,7 @@ class Recognizer:
         if self.settings.signature is LiveSignature.WINDOWS:
             with self._alone():
                 self.settings = replace(self.settings, sensitivity=share)
-                self._windows.threshold = threshold_for(self._windows.index, self.settings)
+                self._window.threshold = threshold_for(self._window.index, self.settings)
                 if self._fewer:
                     self._fewer.threshold = threshold_for(self._fewer.index, self.settings, of_fewer=True)
 
@@ -297,11 +280,11 @@ class Recognizer:
 
         To be asked right after an answer: later frames enter the window. ValueError before the first answer.
         """
-        return self._windows.covariance()
+        return self._window.covariance()
 
     def pair_contributions(self) -> NDArray[np.float64] | None:
         """Give each joint pair's share of the variance along the last leading eigenvector, (pairs,); None before."""
-        return self._windows.contributions()
+        return self._window.contributions()
 
     def reset(self) -> None:
         """Forget the windows, as at the beginning of the feed; counts and a motion that goes on stay.
@@ -311,21 +294,10 @@ class Recognizer:
         with self._alone():
             self._clear()
             if self._done:
-                self._done.exchange(self._windows.index.courses)
+                self._done.exchange(self._window.index.courses)
             self._look = None
-            self._fitting = Fitting(self._windows.index)
+            self._fitting = Fitting(self._window.index)
             self._performer = None
-
-    def _clear(self) -> None:
-        self._forget_fewer()
-        self._begin_again()
-        self._joints.clear()
-        self._fitting.begin_again()
-        self._times.clear()
-        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
-        # gap.
-        self._newest, self._due = math.nan, -math.inf
-        self._late_in_a_row = 0
 
     def push(self, frame: Frame) -> Recognition | None:
         """Take in a frame.
@@ -366,8 +338,10 @@ class Recognizer:
         self._busy, taken = True, None
         try:
             if frame.performer != self._performer:
-                self._follow(frame.performer)
-            if not 0.0 < time - self._newest <= self._longest_gap and not self._in_time(time):
+                if self._performer is not None:
+                    raise ValueError(f"performer: expected {self._performer!r} until `reset`, got {frame.performer!r}")
+                self._performer = frame.performer
+            if not 0.0 < time - self._newest <= self._gap and not self._in_time(time):
                 return None
             self._late_in_a_row = 0
             times = self._times
@@ -378,27 +352,24 @@ class Recognizer:
             due = time >= self._due - self._early
             if not due and len(times) < _MAX_WAITING:
                 return None
-            asked, windows = self._measure(), self._fewer or self._windows
-            if not due or windows.read(self.settings.stillness, self._smoother.noise) is None:
+            asked, window = self._measure(), self._fewer or self._window
+            if not due or window.read(self.settings.stillness, self._smoother.noise) is None:
                 if asked:
                     self._see(asked, costs_of([asked])[0])
                 return None
-            self._set_due(time)
-            taken = Due(self, frame, windows, asked)
+            # Hops lie on a grid, so that their mean distance is the hop whatever the frame rate.
+            hop = self.settings.hop
+            self._due = self._due + hop if self._due + hop > time else time + hop
+            taken = Due(self, frame, window, asked)
             return taken
         finally:
             self._busy = taken is not None
-
-    def _follow(self, performer: str) -> None:
-        if self._performer is not None:
-            raise ValueError(f"performer: expected {self._performer!r} until `reset`, got {performer!r}")
-        self._performer = performer
 
     def _measure(self) -> Asked | None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
         times = self._times
         begun = self._joints.mend(times)
-        rows = distance_rows(self._positions[: len(times)], self.library.skeleton)
+        rows = distance_rows(self._positions[: len(times)], self._skeleton)
         if begun is not None:
             self._begin_again()
             times, rows = times[begun:], rows[begun:]
@@ -407,7 +378,7 @@ class Recognizer:
         positions = self._positions[begun or 0 : len(self._times)]
         asked = self._done.push(times, positions) if self._done and times else None
         self._smoother.smooth(times, rows)
-        self._windows.push(times, rows)
+        self._window.push(times, rows)
         if self._fewer:
             self._fewer.push(times, rows[:, self._places])
         self._times.clear()
@@ -418,11 +389,25 @@ class Recognizer:
         if self._done:
             self._look = self._done.look(asked, costs).behind(self._look)
 
-    def answer(self, due: "Due", seen: Compared, costs: NDArray[np.float32] | None) -> Recognition:
-        """Give the answer that is due, from what its windows show, and from what whole motions cost."""
-        if due.asked and costs is not None:
-            self._see(due.asked, costs)
-        return self._recognized(due.frame, due.windows, seen)
+    def answer(self, due: "Due") -> Recognition:
+        """Give the answer that is due, from what its window shows, and from what whole motions cost."""
+        frame = due.frame
+        if due.asked and due.costs is not None:
+            self._see(due.asked, due.costs)
+        self.counts.hops += 1
+        look, self._look = self._look or Look(), None
+        recognition = self._decision.push(frame, due.window, self._joints, look)
+        if self._done and self._decision.evident:
+            self._done.know(frame.time, *self._decision.evident)
+        looks = frame.time >= self._fitting.due and recognition.outcome is not Outcome.STILL
+        if looks and (newest := self._joints.newest) is not None:
+            self._fitting.look(frame.time, newest)
+        if self._progress:
+            going_on = self._decision.events.going_on
+            motion = recognition.class_name or (going_on.label if going_on else None)
+            if progress := self._progress.push(frame.time, self._window.place(), motion):
+                return replace(recognition, progress=progress)
+        return recognition
 
     def free(self) -> None:
         """Take calls again: what was due is answered."""
@@ -430,8 +415,7 @@ class Recognizer:
 
     def _begin_again(self) -> None:
         """Forget the rows, and what was read off them; a motion that goes on stays."""
-        parts = (self._windows, self._smoother, self._decision, self._so_far, self._fewer, self._progress, self._done)
-        for each in parts:
+        for each in (self._window, self._smoother, self._decision, self._fewer, self._progress, self._done):
             if each:
                 each.clear()
 
@@ -446,25 +430,25 @@ class Recognizer:
                 return
             self._asked_for, self._asked = joints, time
         try:
-            index = self._views(self._windows.index, self._joints.believed)
+            index = self._views(self._window.index, self._joints.believed)
         except ValueError:
             return  # these joints cannot be compared
         if index is not None:
-            self._fewer = LiveWindows(index, threshold_for(index, self.settings, of_fewer=True))
-            self._places = self.library.skeleton.places_of(index.library.skeleton)
-            times, rows = self._windows.recent()
+            self._fewer = Window(index, threshold_for(index, self.settings, of_fewer=True))
+            self._places = self._skeleton.places_of(index.library.skeleton)
+            times, rows = self._window.recent()
             self._fewer.push(times.tolist(), rows[:, self._places])
 
     def _in_time(self, time: float) -> bool:
         """Sort out frames that come late; start again after a gap or when the sender's clock began again."""
         behind = self._newest - time
-        if behind < -self._longest_gap:
+        if behind < -self._gap:
             if behind < -MAX_PAUSE:
-                self._ended_at = self._end_time
+                self._decision.ended_at = self._end_time
             self._restart()
         elif behind >= 0:
             self._late_in_a_row += 1
-            if behind <= self._windows.longest and self._late_in_a_row <= _PATIENCE:
+            if behind <= self._window.seconds and self._late_in_a_row <= _PATIENCE:
                 self.counts.out_of_order += 1
                 return False
             self._restart()
@@ -474,70 +458,6 @@ class Recognizer:
         self._clear()
         self.counts.restarts += 1
 
-    def _set_due(self, time: float) -> None:
-        """Keep hops on a grid, so that their mean distance is the hop whatever the frame rate."""
-        hop = self.settings.hop
-        self._due = self._due + hop if self._due + hop > time else time + hop
-
-    def _recognized(self, frame: Frame, windows: LiveWindows, seen: Compared) -> Recognition:
-        """Make the answer to a frame from what its windows show."""
-        self.counts.hops += 1
-        (signature, found), classes = seen, windows.index.classes
-        jumped, doubted = self._joints.only_jumps(frame.time), self._joints.doubted
-        decided = self._decision.push(windows, seen, self._smoother.noise, frame.time)
-        if self._done and decided.average is not None:
-            unknown = windows.index.rejection.thresholds.item(_RATE_BESIDE if decided.guess in self._beside else 0)
-            self._done.know(frame.time, decided.guess, decided.average - unknown)
-        outcome, distances = decided.outcome, found.named
-        if jumped or (self._joints.left_out and windows is self._windows):
-            outcome = Outcome.IMPLAUSIBLE
-        if not self._all_named:
-            # A class without windows is infinitely far.
-            distances = np.append(distances, np.inf)[self._named]
-        best = int(found.scores.argmax())
-        scores = np.exp(distances)
-        scores += 1.0
-        looks = frame.time >= self._fitting.due and outcome is not Outcome.STILL
-        if looks and (newest := self._joints.newest) is not None:
-            self._fitting.look(frame.time, newest)
-        look, self._look = self._look or Look(), None
-        recognition = Recognition(
-            performer=frame.performer,
-            time=frame.time,
-            outcome=outcome,
-            classes=self.classes,
-            scores=np.divide(1.0, scores, out=scores),
-            # A window nearest to `nothing` is unknown; its best guess is the nearest class.
-            guess=self.classes.index(decided.guess) if decided.guess in self.classes else int(distances.argmin()),
-            so_far=self._so_far.push(distances, signature.movement, frame.time),
-            movement=signature.movement,
-            lead=decided.lead,
-            eigenvector_class=classes[best] if classes[best] in self.classes else None,
-            eigenvector_score=found.scores.item(best),
-            share=signature.share,
-            gap=signature.gap,
-            evidence=decided.evidence,
-            doubted=doubted,
-            done=self._done_of(frame.performer, look.done) if look.done else None,
-            seen=look.seen if look.seen and look.seen.class_name in self._by_course else None,
-            by_course=decided.guess in self._by_course,
-            ended_at=self._ended_at,
-        )
-        events, self._ended_at = self._decision.events(recognition), None
-        progress = None
-        if self._progress:
-            going_on = self._decision.going_on
-            motion = recognition.class_name or (going_on.label if going_on else None)
-            progress = self._progress.push(frame.time, self._windows.place(), motion)
-        if events or progress:
-            return replace(recognition, events=events, progress=progress)
-        return recognition
-
-    def _done_of(self, performer: str, found: Found) -> Done:
-        seconds = found.end - found.start
-        index = self.classes.index(found.class_name)
-        return Done(performer, found.class_name, index, found.start, seconds, found.score, found.speed, found.amplitude)
-
     def end(self) -> Event | None:
         """End the motion that goes on, because no frame will come, or none came for `MAX_PAUSE` seconds.
 
@@ -546,35 +466,45 @@ class Recognizer:
         The end, at the time of the newest frame; None when no motion goes on.
         """
         with self._alone():
-            time, self._ended_at = self._end_time, None
-            return self._decision.end(time)
+            time, self._decision.ended_at = self._end_time, None
+            return self._decision.events.end(time)
 
     @property
     def _end_time(self) -> float:
         """When a motion that goes on ends if nothing more comes, seconds."""
-        return self._last if self._ended_at is None else self._ended_at
+        ended_at = self._decision.ended_at
+        return self._last if ended_at is None else ended_at
 
 
-class Due(NamedTuple):
-    """An answer that is due: its recogniser and frame, the windows that were read, and those of whole motions."""
+@dataclass(slots=True)
+class Due:
+    """An answer that is due: its recogniser and frame, the window that was read, and those of whole motions."""
 
     recognizer: Recognizer
     frame: Frame
-    windows: LiveWindows
+    window: Window
     asked: Asked | None
+    #: What whole motions cost; None until they are compared.
+    costs: NDArray[np.float32] | None = None
 
 
 def answers_to(due: Sequence[Due]) -> list[Recognition]:
-    """Answer several performers, whose windows are compared together: then the library comes from memory once."""
-    asked = [(place, each.asked) for place, each in enumerate(due) if each.asked]
-    costs = dict[int, NDArray[np.float32]]()
+    """Answer several performers, whose windows are compared together: then the library comes from memory once.
+
+    A window that rests stands as it was compared before.
+    """
     try:
-        seen = compare([each.windows for each in due])
-        for courses in {each.courses for _, each in asked}:
-            places, some = zip(*((place, each) for place, each in asked if each.courses is courses), strict=True)
-            costs.update(zip(places, costs_of(some), strict=True))
-        shown = enumerate(zip(due, seen, strict=True))
-        return [each.recognizer.answer(each, own, costs.get(place)) for place, (each, own) in shown]
+        new = [each.window for each in due if each.window.distances is None]
+        for index in {each.index for each in new}:
+            windows = [each for each in new if each.index is index]
+            signatures = [each.signature for each in windows if each.signature]
+            for window, distances in zip(windows, index.distances(signatures), strict=True):
+                window.distances = distances
+        for courses in {each.asked.courses for each in due if each.asked}:
+            some = [(each, each.asked) for each in due if each.asked and each.asked.courses is courses]
+            for (each, _), costs in zip(some, costs_of([asked for _, asked in some]), strict=True):
+                each.costs = costs
+        return [each.recognizer.answer(each) for each in due]
     finally:
         for each in due:
             each.recognizer.free()

@@ -29,7 +29,7 @@ from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.packet import IdleSource, remember
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Settings
-from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.decision import Events
 from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.recognizer.settings import needed_lead, usual_sensitivity
@@ -73,7 +73,7 @@ class Track:
     ----------
     newest, heard
         When the newest frame came, and when an answer; before the first answer when the performer came.
-    decision
+    events
         Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
     worker
         The worker that answers; empty for none.
@@ -83,7 +83,7 @@ class Track:
 
     newest: float
     heard: float
-    decision: Decision
+    events: Events
     worker: str = ""
     number: int = 0
     answered: int = 0
@@ -126,7 +126,7 @@ class Track:
         else:
             return None
         self.answered, self._answered_at, self.heard = kept.number, kept.arrival, self.newest
-        decide = self.decision.events if answer.classes == classes else self.decision.ends
+        decide = self.events.push if answer.classes == classes else self.events.ends
         return replace(answer, events=decide(answer)), kept.arrival
 
     def is_owed(self, hop: float) -> bool:
@@ -135,14 +135,14 @@ class Track:
 
     def end(self) -> Event | None:
         """End the motion that goes on."""
-        return self.decision.end(self._kept[-1].sent.time) if self._kept else None
+        return self.events.end(self._kept[-1].sent.time) if self._kept else None
 
     def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
         """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
-        begun = self.decision.going_on
+        begun = self.events.going_on
         ended = self.end() if begun and begun.label not in classes else None
-        begun = self.decision.going_on
-        self.decision = Decision(lead, begun and replace(begun, index=classes.index(begun.label)))
+        begun = self.events.going_on
+        self.events = Events(lead, begun and replace(begun, index=classes.index(begun.label)))
         return ended
 
     def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
@@ -392,7 +392,7 @@ class Gateway:
                 self._gone.append(idle)
             self._newcomers.forget(name)
             worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
-            track = self._tracks[name] = Track(now, now, Decision(self._lead), worker)
+            track = self._tracks[name] = Track(now, now, Events(self._lead), worker)
         track.newest = now
         return track
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kinespace.library.clip import Clip
 from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library.windows.comparer import named_and_alone
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import Rejection
@@ -346,5 +347,5 @@ def _left_out(index: WindowIndex, place: int) -> NDArray[np.float64]:
     mine, asking = np.isin(index.motions, _copies(index, place)), index.motions == place
     windows = np.flatnonzero(asking)
     windows = windows[:: max(-(-len(windows) // _WINDOWS), 1)]
-    named = index.comparison.weighing.named
-    return np.array([named(index.asked_by(window, mine)) for window in windows.tolist()])
+    logs, weighing = (index.asked_by(window, mine) for window in windows.tolist()), index.comparison.weighing
+    return np.array([named_and_alone(each, weighing)[0] for each in logs])

@@ -6,7 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kinespace.library import Clip, MotionLibrary, Skeleton
+from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
+from kinespace.library.signature.basis import Basis
+from kinespace.library.signature.body import Body
+from kinespace.library.signature.parts import Kind, Part
+from kinespace.library.windows.comparison import Comparison, Weighing
 
 #: The unit of length in which an ASF's numbers are metres.
 METRE = 0.0254
@@ -158,3 +162,13 @@ def stick_clips(*, takes: int = 3, actors: Sequence[str] = ("aa", "bb"), frames:
 
 def _numbers(values: Sequence[float]) -> str:
     return " ".join(map(repr, map(float, values)))
+
+
+def plain_index(seconds: float, joints: int) -> WindowIndex:
+    """Give an index without windows, whose windows would be of so many seconds, in a basis of the distances alone."""
+    body = Body.of(Skeleton(tuple(f"joint{place}" for place in range(joints))))
+    pairs = len(body.sizing)
+    parts = Part(Kind.EIGEN, seconds), Part(Kind.SPREAD, seconds)
+    weighing = Weighing(groups=(parts,), views=((1.0,),), first=seconds)
+    basis, none = Basis.of(np.eye(pairs), np.ones(pairs), 1.0), np.empty(0)
+    return WindowIndex(MotionLibrary.builtin(), body, basis, Comparison(weighing, {}, ()), (), none, none)

@@ -10,7 +10,7 @@ from synthetic import stick_clips
 from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, Signature
 from kinespace.library.windows import comparison
-from kinespace.library.windows.comparer import Head
+from kinespace.library.windows.comparer import Head, named_and_alone
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, Lessons, Weighing, learned_metric
 from kinespace.library.windows.cutting import Measured, window_ends
 
@@ -43,8 +43,9 @@ def test_below_the_views_each_group_is_compared_alone() -> None:
     """Two views of three groups make five rows of weights; the views name a class, and the rest is evidence."""
     assert np.array_equal(SMALL.weights, [*SMALL.views, (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     logs = np.array([[3.0, 1.0], [2.0, 5.0], [7.0, 8.0], [0.0, 1.0], [2.0, 2.0]])
-    assert SMALL.named(logs).tolist() == [2.0, 1.0]
-    assert np.array_equal(SMALL.alone(logs), logs[2:])
+    named, alone = named_and_alone(logs, SMALL)
+    assert named.tolist() == [2.0, 1.0]
+    assert np.array_equal(alone, logs[2:])
 
 
 def test_the_papers_weighing_names_by_products() -> None:
@@ -52,7 +53,7 @@ def test_the_papers_weighing_names_by_products() -> None:
     paper = comparison.by_paper(0.7)
     assert paper.groups == (((Kind.EIGEN, 0.7),),)
     assert (paper.judges, paper.by_products, paper.eigenvectors) == (False, True, 1)
-    named = paper.named(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]))
+    named, _ = named_and_alone(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]), paper)
     assert named == pytest.approx(np.log([0.751, 0.001, 1.001]))
 
 
@@ -186,4 +187,4 @@ def test_where_it_helps(people_index: WindowIndex, builtin: MotionLibrary) -> No
             for part in weighing.parts
         }
         (found,) = compared.distances([Signature(numbers, np.zeros(directions.shape[1]), 0.1, 0.5, 0.5)])
-        assert np.allclose(found.named, weighing.named(found.logs)) != helps
+        assert np.allclose(found.named, named_and_alone(found.logs, weighing)[0]) != helps

@@ -9,6 +9,7 @@ from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
 from kinespace.library.signature.parts import Part, Signature
+from kinespace.library.windows.comparer import named_and_alone
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.library.windows.cutting import cut_windows, window_ends
 from kinespace.library.windows.opening import by_joints, has_view
@@ -54,7 +55,9 @@ def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
     """Name the class that is nearest to each motion, in the mean of its windows."""
     weighing = index.comparison.weighing
-    named = [[weighing.named(_logs(index, numbers)) for numbers in _numbers(index, clip)] for clip in clips]
+    named = [
+        [named_and_alone(_logs(index, numbers), weighing)[0] for numbers in _numbers(index, clip)] for clip in clips
+    ]
     return [index.classes[int(np.mean(each, axis=0).argmin())] for each in named]
 
 

@@ -6,6 +6,7 @@ from naive_windows import evidence, logit
 
 from kinespace.library import MotionLibrary, WindowIndex, by_joints
 from kinespace.library.windows import rejection as judging
+from kinespace.library.windows.comparer import named_and_alone
 from kinespace.library.windows.rejection import MAX_LEAD, RATES, Evidence, Rejection
 
 REJECTION = Rejection(
@@ -37,8 +38,9 @@ def _shares_known(index: WindowIndex, *, with_class: bool) -> list[float]:
         own = (() if with_class else (motion.class_name,), motion.actor)
         left_out = [other.actor == own[1] or other.class_name in own[0] for other in motions]
         logs = index.asked_by(window, np.array(left_out))
-        guess = int(weighing.named(logs).argmin())
-        logits.append(rejection.logit(Evidence.of(weighing.alone(logs), guess), index.classes[guess]))
+        named, alone = named_and_alone(logs, weighing)
+        guess = int(named.argmin())
+        logits.append(rejection.logit(Evidence.of(alone, guess), index.classes[guess]))
     return [float(np.mean(np.array(logits) >= rejection.threshold_at(rate))) for rate in (0.05, 0.2, 0.4)]
 
 

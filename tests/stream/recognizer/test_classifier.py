@@ -13,8 +13,7 @@ from kinespace.library import MotionLibrary, SkeletonMismatchError, distance_row
 from kinespace.library.windows.comparison import NEAREST
 from kinespace.library.windows.cutting import window_ends
 from kinespace.stream import MotionClassifier
-from kinespace.stream.recognizer.classifier import seconds_into
-from kinespace.stream.recognizer.live_windows import LiveWindows
+from kinespace.stream.recognizer.window import Window
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +33,7 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
     assert classifier.fit(CLIPS[::2], NAMES[::2]) is classifier
     assert classifier.classes_.tolist() == list(CLASSES)
     asked, index = CLIPS[1], opened(classifier.library_)
-    windows, logs, before = LiveWindows(index), [], 0
+    windows, logs, before = Window(index), [], 0
     whose = [(index.library.motions[each].class_name, index.library.motions[each].actor) for each in index.motions]
     ends = window_ends(asked, 0.1)
     for end in ends.tolist():
@@ -42,10 +41,10 @@ def test_clips_are_named_by_the_mean_score_of_their_windows(timing: float) -> No
         windows.push(asked.times[some], distance_rows(asked.positions[some], asked.skeleton))
         signature, before = windows.read(), end
         if timing:
-            own = index.comparison.place(signature.parts)
+            own = index.comparison.joined(signature.parts, index.comparison.placed(signature.parts))
             apart = zip(own, index.vectors, strict=True)
             squared = [np.square(mine - theirs.astype(float)).sum(axis=1) + NEAREST for mine, theirs in apart]
-            late = timing * np.abs(np.log((end / 60 + 0.3) / (seconds_into(index) + 0.3)))
+            late = timing * np.abs(np.log((end / 60 + 0.3) / (index.seconds_into + 0.3)))
             logs.append(list(nearest(np.log(squared).mean(axis=0) + late, *zip(*whose, strict=True)).values()))
         else:
             logs.append(index.distances([signature])[0].named)

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic import STICK
 
-from kinespace.library import MotionLibrary, WindowIndex, opened
+from kinespace.library import MotionLibrary
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
-from kinespace.stream import Event, LiveSignature, Outcome, Recognition, Settings
-from kinespace.stream.recognizer.decision import Decision, Hysteresis
-from kinespace.stream.recognizer.live_windows import Compared, LiveWindows
+from kinespace.stream import Event, Frame, LiveSignature, Outcome, Recognition, Settings
+from kinespace.stream.recognizer.decision import Decision, Events, Hysteresis
+from kinespace.stream.recognizer.done import Look
+from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.settings import index_for
+from kinespace.stream.recognizer.window import Window
 
 CLASSES = ("bow", "jump", "wave")
 NAMED = Outcome.NAMED
@@ -32,8 +35,8 @@ def _recognition(
     return Recognition("p", time, outcome, tuple(classes), scores, 0.1, guess=leader, lead=lead)
 
 
-def _pushed(decision: Decision, recognitions: Iterable[Recognition]) -> list[Event]:
-    return [event for recognition in recognitions for event in decision.events(recognition)]
+def _pushed(decision: Events, recognitions: Iterable[Recognition]) -> list[Event]:
+    return [event for recognition in recognitions for event in decision.push(recognition)]
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.floats(0, 2), st.floats(0, 0.2)), max_size=60), st.floats(0.01, 3))
@@ -57,26 +60,18 @@ def test_a_name_takes_over_when_its_lead_has_added_up(course: list[tuple[int, fl
 # --- guesses -----------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def index(sticks: MotionLibrary) -> WindowIndex:
-    """Give an index of three classes."""
-    return opened(sticks)
-
-
-def _seen(*distances: float, signature: Signature = MOVING) -> Compared:
-    """Give windows at these log distances from the classes, alike by each group."""
-    logs = np.array([distances] * 3)
-    return Compared(signature, Distances(logs, logs[0], logs[1:], np.exp(-logs[0])))
-
-
 @pytest.mark.parametrize(("gap", "outcome"), [(0.019, Outcome.AMBIGUOUS), (0.021, NAMED)])
-def test_the_papers_eigenvector_may_be_arbitrary(index: WindowIndex, gap: float, outcome: Outcome) -> None:
+def test_the_papers_eigenvector_may_be_arbitrary(sticks: MotionLibrary, gap: float, outcome: Outcome) -> None:
     """Then its movement is ambiguous, and it has no evidence."""
-    paper = index_for(index, Settings(LiveSignature.PAPER))
-    decided = Decision(NEEDED).push(
-        LiveWindows(paper), _seen(0.1, 1.0, 1.0, signature=MOVING._replace(gap=gap)), 0.0, 0.0
-    )
-    assert (decided.outcome, decided.evidence) == (outcome, None)
+    by_paper = Settings(LiveSignature.PAPER)
+    index = index_for(sticks, by_paper)
+    window, logs = Window(index), np.array([[0.1, 1.0, 1.0]] * 3)
+    window.signature = MOVING._replace(gap=gap)
+    window.distances = Distances(logs, logs[0], logs[1:], np.exp(-logs[0]))
+    joints = Joints(index.segments, STICK.joints, np.empty((1, 6, 3)), is_watched=False)
+    frame = Frame("p", 0.0, np.zeros((6, 3)))
+    answer = Decision(index, by_paper, ()).push(frame, window, joints, Look())
+    assert (answer.outcome, answer.evidence) == (outcome, None)
 
 
 # --- events ------------------------------------------------------------------------------------------------------
@@ -109,7 +104,7 @@ def test_events_are_the_twins(course: list[tuple[int, Outcome, float, float, int
             before = expected
     if before != expected:
         return
-    events = _pushed(Decision(needed), answers)
+    events = _pushed(Events(needed), answers)
     assert [(event.time, str(event.kind), event.index) for event in events] == expected
     scores = {answer.time: answer.scores for answer in answers}
     for event in events:

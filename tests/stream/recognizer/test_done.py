@@ -14,7 +14,8 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.signature.own_frame import STEP, own_path
 from kinespace.library.windows.courses import Courses, path_of
 from kinespace.stream import Done, Frame, Recognizer, Settings
-from kinespace.stream.recognizer.decision import Decided, Decision
+from kinespace.stream.recognizer import decision
+from kinespace.stream.recognizer.decision import Judged
 from kinespace.stream.recognizer.done import DoneFollower, costs_of
 
 SQUAT, ARMS, DOWN = "squat1Reps", "rotateArmsBothBackward1Reps", "lieDownFloor"
@@ -259,17 +260,17 @@ def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
     builtin: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Above what 5 % of unknown movement has; for classes that several persons show above what 1 % has."""
-    found, averages, push = dict[str, set[float]](), list[float](), Decision.push
+    found, averages, average = dict[str, set[float]](), list[float](), decision.averaged
 
-    def pushed(*arguments: object) -> Decided:
-        decided: Decided = push(*arguments)  # type: ignore[arg-type]
-        averages.append(decided.average or 0.0)
-        return decided
+    def averaging(*arguments: object) -> Judged:
+        judged = average(*arguments)  # type: ignore[arg-type]
+        averages.append(judged[0])
+        return judged
 
     def know(_: DoneFollower, __: float, name: str, evidence: float) -> None:
         found.setdefault(name, set()).add(round(averages[-1] - evidence, 3))
 
-    monkeypatch.setattr(Decision, "push", pushed)
+    monkeypatch.setattr(decision, "averaged", averaging)
     monkeypatch.setattr(DoneFollower, "know", know)
     squat, grab = (clips_of(name)[0] for name in (SQUAT, "grabHighR"))
     index = opened(builtin).with_motions([replace(squat, class_name="mine", actor="")])

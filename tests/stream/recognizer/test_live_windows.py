@@ -10,7 +10,7 @@ from twins import Twin
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.parts import Kind, Signature
 from kinespace.library.windows.comparison import by_paper
-from kinespace.stream.recognizer.live_windows import NOISY, LiveWindows, RowSmoother
+from kinespace.stream.recognizer.window import NOISY, RowSmoother, Window
 
 #: Largest error of a part of the distances, and of the matrix of scaled eigenvectors. A rigid distance's deviation is
 #: the root of a variance that is right to nine digits of the largest, so its spread is not.
@@ -35,7 +35,7 @@ def index(request: pytest.FixtureRequest, small_index: WindowIndex, sticks: Moti
 
 
 def _assert_by_definition(
-    live: LiveWindows, signature: Signature | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
+    live: Window, signature: Signature | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
 ) -> None:
     """Compare all that was read with numbers computed from the rows up to now."""
     assert live.signature is signature
@@ -47,14 +47,14 @@ def _assert_by_definition(
             assert np.abs(numbers.T @ numbers - twin).max() <= SAME_MATRIX
         else:
             assert np.abs(numbers - twin).max() <= SAME
-    inside = times > times[-1] - live.longest + 1e-6
+    inside = times > times[-1] - live.seconds + 1e-6
     matrix = naive_windows.covariance(rows[inside] @ index.basis.directions)
     values, vector = np.linalg.eigvalsh(matrix)[::-1], signature.leading
     assert signature.share == pytest.approx(values[0] / values.sum(), rel=1e-6)
     assert signature.gap == pytest.approx(1 - values[1] / values[0], abs=1e-6)
     assert np.linalg.norm(matrix @ vector - values[0] * vector) <= 1e-6 * values[0]
     # Movement is read off the longest window of distances.
-    seconds = 1.0 if index.comparison.weighing.judges else live.longest
+    seconds = 1.0 if index.comparison.weighing.judges else live.seconds
     moved = naive_windows.moved(
         naive_windows.moments(*(each[times > times[-1] - seconds + 1e-6] for each in (times, rows)))
     )
@@ -73,7 +73,7 @@ def _assert_by_definition(
 @pytest.mark.parametrize("evenly", [True, False])
 def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: float, *, evenly: bool) -> None:
     """With frames in any batches, on any clock, at uneven times and after gaps, all are as the rows say."""
-    generator, end, live, read = np.random.default_rng(3), 0, LiveWindows(index), 0
+    generator, end, live, read = np.random.default_rng(3), 0, Window(index), 0
     kept = np.arange(len(rows)) if evenly else np.flatnonzero(generator.random(len(rows)) > 0.4)
     gaps = generator.choice([0.0, 0.0, 0.0, 0.3], size=len(kept)) * (np.arange(len(kept)) % 9 == 0) * (not evenly)
     times = start + kept / 120 + np.cumsum(gaps)
@@ -89,12 +89,12 @@ def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: f
 @pytest.mark.usefixtures("arithmetic")
 def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: WindowIndex, rows: np.ndarray) -> None:
     """In the same basis at once, in another one by following all rows anew."""
-    live, times = LiveWindows(small_index), np.arange(len(rows)) / 120
+    live, times = Window(small_index), np.arange(len(rows)) / 120
     live.push(times.tolist(), rows)
     live.exchange(small_index.of_some([0, 1, 2]))
     _assert_by_definition(live, live.read(), small_index.of_some([0, 1, 2]), times, rows)
     live.exchange(index)
-    assert live.longest == (2.0 if index is small_index else 0.75)
+    assert live.seconds == (2.0 if index is small_index else 0.75)
     _assert_by_definition(live, live.read(), index, times, rows)
 
 

@@ -19,12 +19,12 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened
 from kinespace.library.signature.parts import Signature
-from kinespace.library.windows.comparer import Comparer, Distances
+from kinespace.library.windows.comparer import Distances
 from kinespace.stream import EventKind, Frame, LiveSignature, Outcome, Performers, Recognizer, Settings, recognise
 from kinespace.stream.frame import MAX_DISTANCE
-from kinespace.stream.recognizer.live_windows import LiveWindows
 from kinespace.stream.recognizer.recognizer import answers_to
 from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.window import Window
 from kinespace.tools.feeding.feed import resampled
 
 
@@ -264,17 +264,17 @@ def test_a_body_at_rest_is_answered_as_if_all_were_compared(
     """Names, guesses, events and motions that are done are the same; half of the still hops compare nothing."""
     first = {each.class_name: each for each in builtin.motions}
     frames = list(_with_pauses(list(first.values())[:4], noise, sway))
-    reads, compared = [0], Comparer.distances
+    reads, compared = [0], WindowIndex.distances
 
-    def counted(comparer: Comparer, signatures: list[Signature]) -> list[Distances]:
+    def counted(index: WindowIndex, signatures: list[Signature]) -> list[Distances]:
         reads[-1] += len(signatures)
-        return compared(comparer, signatures)
+        return compared(index, signatures)
 
-    monkeypatch.setattr(Comparer, "distances", counted)
+    monkeypatch.setattr(WindowIndex, "distances", counted)
     answers = []
     for rests in (True, False):
         if not rests:
-            monkeypatch.setattr(LiveWindows, "_rests", lambda _: False)
+            monkeypatch.setattr(Window, "_rests", lambda _: False)
         recognizer = Recognizer(builtin)
         answers.append([answer for frame in frames if (answer := recognizer.push(frame))])
         reads.append(0)

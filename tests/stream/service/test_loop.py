@@ -15,7 +15,7 @@ from kinespace.stream import Announcement, Done, Event, Frame, Outcome, Performe
 from kinespace.stream.outputs import Sink
 from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognizer import performers
-from kinespace.stream.recognizer.decision import Decision
+from kinespace.stream.recognizer.decision import Events
 from kinespace.stream.service import loop as service_module
 from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
@@ -430,7 +430,7 @@ class Ann:
     """A performer's track."""
 
     def __init__(self) -> None:
-        self.track = Track(0.0, 0.0, Decision(0.01))
+        self.track = Track(0.0, 0.0, Events(0.01))
 
     def frame(self, now: float, joints: tuple[str, ...] | None = None) -> SentFrame:
         """Send a frame."""

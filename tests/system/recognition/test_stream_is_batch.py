@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from naive_stream import NaiveFeed
 from naive_windows import evidence, logit
+from synthetic import plain_index
 from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, compiled, distance_rows
@@ -226,12 +227,13 @@ def _long_motion() -> Iterator[np.ndarray]:
 @pytest.mark.usefixtures("arithmetic")
 def test_two_hundred_thousand_frames() -> None:
     """After so many frames of motion the sums of a window are as exact as at first."""
-    window, rows, pushed, length = Window([0.5], [0.5], np.eye(28)), np.empty((0, 28)), 0, 60
+    window, rows, pushed, length = Window(plain_index(0.5, joints=8)), np.empty((0, 28)), 0, 60
     for piece in _long_motion():
         rows = np.concatenate([rows[-length:], piece])
         for end in range(len(rows) - PIECE + RUN, len(rows) + 1, RUN):
             window.push(((pushed + np.arange(RUN)) / 120).tolist(), rows[end - RUN : end])
-            deviation, covariance = window.moments(0.5).deviation[0], window.covariance(0.5)
+            window.read()
+            deviation, covariance = window.moments(0.5).deviation[0], window.covariance().matrix
             pushed += RUN
             if pushed % (20 * RUN) == 0:
                 exact = naive_windows.covariance(rows[end - length : end])

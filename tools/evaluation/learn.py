@@ -24,6 +24,7 @@ from scipy.special import expit
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
+from kinespace.library.signature.own_frame import ABOVE
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
@@ -195,7 +196,7 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
 
     Returns
     -------
-    Shape (groups, POINTS, 3 joints), metres.
+    Shape (groups, POINTS, 3 joints + `ABOVE`), metres.
 
     Raises
     ------
@@ -215,8 +216,11 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     points = (pieces.courses - mean) @ axes
     centres, _ = kmeans2(points[some], _EVERYDAY_GROUPS, iter=20, minit="points", rng=draw, missing="warn")
     group = (np.square(centres).sum(axis=1) - 2 * points @ centres.T).argmin(axis=1)
+    middles = windows.mean(axis=1, keepdims=True)
+    # The vertex above stays where it is.
+    middles[..., -ABOVE:] = 0.0
     # Windows count alike, however far they go.
-    alike = (windows - windows.mean(axis=1, keepdims=True)) / np.maximum(pieces.lengths, 1e-6)[:, None, None]
+    alike = (windows - middles) / np.maximum(pieces.lengths, 1e-6)[:, None, None]
     means = [
         alike[group == each].mean(axis=0) * np.median(pieces.lengths[group == each])
         for each in range(_EVERYDAY_GROUPS)

@@ -97,9 +97,9 @@ def own_path(
     some = slice(max(first - _POINT_STEPS + 1, 0), None)
     own = (positions[some] - hips[some, None]) @ axes[some]
     own, size = averaged(own.reshape(len(own), -1), _POINT_STEPS)[first - some.start :], max(size, _TINY)
-    pointed = [up[0] if upright is None else upright]
-    pointed = [*accumulate(up[first:], lambda before, now: before + STEP / _UPRIGHT * (now - before), initial=pointed[0])]
-    above = np.einsum("tc,tca->ta", np.array(pointed[1:]).reshape(-1, 3), axes[first:])
+    before = up[0] if upright is None else upright
+    pointed = np.array([*accumulate(up[first:], lambda old, new: old + STEP / _UPRIGHT * (new - old), initial=before)])
+    above = np.einsum("tc,tca->ta", pointed[1:], axes[first:])
     return np.concatenate([own, _NEAR * size * above], axis=1), size, pointed[-1]
 
 

@@ -23,8 +23,8 @@ from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.naming import hdm05
-from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.signature.own_frame import ABOVE
+from kinespace.library.windows.comparison import ACROSS_LABORATORIES
 from kinespace.library.windows.courses import Pieces, path_of, windows_of
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons

@@ -6,12 +6,11 @@ three more vertices, which the shoulders and the hips carry. The distance to a v
 where a joint moves d towards it; for f → ∞ these numbers are coordinates in the body's own frame. They stay blind to
 where the body stands and which way it faces.
 
-In the body's own frame lying down looks like crouching. One vertex more stands above: where the trunk has pointed for
-some seconds, as the body sees it now.
+In the body's own frame lying down looks like crouching. So the frame's axes stay beside the joints: they say how the
+trunk has turned since a motion began.
 """
 
 from functools import lru_cache
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +30,9 @@ _CORNERS = (("lclavicle", "lhumerus"), ("rclavicle", "rhumerus"), ("lhipjoint", 
 _FROM_CORNERS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [0.0, 0.0, 0.5, 0.5]])
 #: The axes after and before each axis, for cross products.
 _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]
-#: Seconds over which the trunk's direction is averaged, for the vertex above: the weight of a moment is e times less
-#: so much later. And how far away the vertex is, in the body's sizes: so near that it adds nothing to a way.
-_UPRIGHT, _NEAR = 10.0, 1e-3
-#: Coordinates of the vertex above, the last numbers of a point.
-ABOVE = 3
+#: Numbers of the frame's axes, the last of a point, and how long the axes are, in the body's sizes: so short that they
+#: add nothing to a way.
+AXES, _SHORT = 9, 1e-3
 #: A length in metres that divides nothing by 0.
 _TINY = 1e-6
 
@@ -50,12 +47,9 @@ def corners_of(skeleton: Skeleton) -> list[int] | None:
 
 
 def own_path(
-    positions: NDArray[np.floating],
-    skeleton: Skeleton,
-    newest: int | None = None,
-    upright: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """Give a body's points, from which courses are cut, the body's size, and where its trunk has pointed.
+    positions: NDArray[np.floating], skeleton: Skeleton, newest: int | None = None
+) -> tuple[NDArray[np.float64], float]:
+    """Give a body's points, from which courses are cut, and the body's size.
 
     Parameters
     ----------
@@ -65,26 +59,21 @@ def own_path(
         Its joints.
     newest
         How many points are given, the last ones; None for all.
-    upright
-        Where the trunk had pointed before these, shape (3,); None where it always pointed as in the first.
 
     Returns
     -------
     points
-        Shape (steps, numbers + `ABOVE`), metres: how far each joint lies to the left of, above and in front of the
-        hips, averaged over the last sixth of a second, and the vertex above. Without shoulders or hips: the distance
-        rows, and a vertex that stays where it is.
+        Shape (steps, numbers + `AXES`), metres: how far each joint lies to the left of, above and in front of the hips,
+        averaged over the last sixth of a second, and the axes left, up and front: their first coordinates, second and
+        third. Without shoulders or hips: the distance rows, and axes that stay as they are.
     size
         Metres: the mean distance of the middles of shoulders and hips. Without them: of all joints.
-    upright
-        Where the trunk has pointed up to the last point, shape (3,).
     """
     corners, first = corners_of(skeleton), len(positions) - (len(positions) if newest is None else newest)
     if corners is None:
         rows = distance_rows(positions, skeleton)
-        size, still = max(float(rows.mean()), _TINY), np.array([0.0, 1.0, 0.0])
-        above = np.tile(_NEAR * size * still, (len(rows) - first, 1))
-        return np.concatenate([averaged(rows, _POINT_STEPS)[first:], above], axis=1), size, still
+        size = max(float(rows.mean()), _TINY)
+        return _beside(averaged(rows, _POINT_STEPS)[first:], np.tile(size * np.eye(3), (len(rows) - first, 1, 1))), size
     left, up, hips = (_FROM_CORNERS @ positions.take(corners, axis=1)).transpose(1, 0, 2)
     size = float(_lengths(up).sum()) / (2 * len(positions))
     left, up = averaged(left, _FRAME_STEPS), averaged(up, _FRAME_STEPS)
@@ -97,10 +86,12 @@ def own_path(
     some = slice(max(first - _POINT_STEPS + 1, 0), None)
     own = (positions[some] - hips[some, None]) @ axes[some]
     own, size = averaged(own.reshape(len(own), -1), _POINT_STEPS)[first - some.start :], max(size, _TINY)
-    before = up[0] if upright is None else upright
-    pointed = np.array([*accumulate(up[first:], lambda old, new: old + STEP / _UPRIGHT * (new - old), initial=before)])
-    above = np.einsum("tc,tca->ta", pointed[1:], axes[first:])
-    return np.concatenate([own, _NEAR * size * above], axis=1), size, pointed[-1]
+    return _beside(own, size * axes[first:]), size
+
+
+def _beside(points: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put axes, shape (steps, 3, 3), beside points."""
+    return np.concatenate([points, _SHORT * axes.reshape(-1, AXES)], axis=1)
 
 
 def _lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

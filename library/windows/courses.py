@@ -8,7 +8,8 @@ with its neighbours, so that a bend may come a little sooner or later (a band of
     cost(a, b) = (1 − ⟨course a, course b⟩) / (⟨way a, way b⟩ ⟨width a, width b⟩ min(1, ⟨tilt a, tilt b⟩ / .9)³)
 
 way and width say how far each number goes and how far it swings, as unit vectors: the spread beside the directions.
-tilt says where above is, as the body sees it at each point: who lies down crouches as in a squat, but falls over.
+tilt says where the trunk pointed at first, as the body sees it at each point: who lies down crouches as in a squat, but
+falls over.
 
 A motion is said where a live window costs less than the motion's limit (`stream.recognizer.done`). The limit comes from
 what must not be said: everyday movement (`everyday`, and the motions called `nothing`), and other classes' motions.
@@ -29,7 +30,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.naming import hdm05
-from kinespace.library.signature.own_frame import ABOVE, STEP, at_steps, corners_of, own_path
+from kinespace.library.signature.own_frame import AXES, STEP, at_steps, corners_of, own_path
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparison import whitened
 
@@ -98,7 +99,7 @@ class Pieces(NamedTuple):
     lengths
         The way of each piece, relative to the body's size where its points are; shape (pieces,).
     tilts
-        Where above is, as the body sees it: shape (pieces, POINTS × 3), of unit length.
+        Where the trunk pointed at first, as the body sees it: shape (pieces, POINTS × 3), of unit length.
     """
 
     courses: Floats
@@ -109,9 +110,9 @@ class Pieces(NamedTuple):
 
     @classmethod
     def of(cls, points: NDArray[np.floating], whitening: Floats | None = None) -> Self:
-        """Take pieces at equal way, (pieces, POINTS, numbers + ABOVE), their directions times (numbers, numbers)."""
-        above, points = points[..., -ABOVE:].reshape(-1, ABOVE), points[..., :-ABOVE]
-        tilts = (_unit(above) / math.sqrt(POINTS)).reshape(len(points), POINTS * ABOVE).astype(np.float32)
+        """Take pieces at equal way, (pieces, POINTS, numbers + AXES), their directions times (numbers, numbers)."""
+        tilts = _unit(turned(points)[:, :, 1].reshape(-1, 3)).reshape(len(points), POINTS * 3) / math.sqrt(POINTS)
+        points = points[..., :-AXES]
         # All pieces' first points come first: sums and products along the path are then over whole rows.
         along = np.ascontiguousarray(points.transpose(1, 0, 2), dtype=np.float32)
         steps = along[1:] - along[:-1]
@@ -196,6 +197,20 @@ def _blur() -> Floats:
     return weights
 
 
+def turned(points: NDArray[np.floating]) -> Floats:
+    """Give the axes of the body's frame in pieces, as the body saw them at first: shape (pieces, POINTS, 3, 3).
+
+    Parameters
+    ----------
+    points
+        The pieces at equal way, shape (pieces, POINTS, numbers + `AXES`).
+    """
+    axes = points[..., -AXES:].reshape(*points.shape[:2], 3, 3).astype(np.float32)
+    axes /= np.maximum(np.sqrt(np.einsum("pnca,pnca->pna", axes, axes)), np.float32(_TINY))[:, :, None]
+    seen: Floats = np.matmul(axes[:, :1].swapaxes(2, 3), axes)
+    return seen
+
+
 def ways_of(points: NDArray[np.floating]) -> Numbers:
     """Give the way up to each point of a path (points, numbers): shape (points,), 0 first."""
     ways, steps = np.zeros(len(points)), points[1:] - points[:-1]
@@ -272,7 +287,7 @@ class Courses:
         """Cut the courses out of motions over one skeleton."""
         cut = sorted(_cut(motions), key=lambda each: (each.class_name, len(each.points)))
         if not cut:
-            none, places, numbers = Pieces.of(np.zeros((0, POINTS, ABOVE + 1))), np.zeros(0, dtype=np.intp), np.zeros(0)
+            none, places, numbers = Pieces.of(np.zeros((0, POINTS, AXES + 1))), np.zeros(0, dtype=np.intp), np.zeros(0)
             screen, limits = Screen.of(none.courses), np.zeros((2, 0), np.float32)
             return cls((), places, none, screen, limits, None, places, numbers, numbers, ())
         names = [each.class_name for each in cut]
@@ -434,7 +449,7 @@ def path_of(clip: Clip) -> Numbers:
     if clip.frames > 1:
         steps = np.arange(math.floor(clip.duration / STEP + 1e-6) + 1) * STEP
         positions = at_steps(clip.times, positions, np.minimum(steps, clip.times[-1]))
-    points, size, _ = own_path(positions, clip.skeleton)
+    points, size = own_path(positions, clip.skeleton)
     return points / size
 
 
@@ -519,7 +534,7 @@ def _whitening(
     shown = np.flatnonzero(persons >= _PERSONS)
     if len(shown) < min(_CLASSES, len(persons) // 2 + 1):
         return None
-    actors, numbers, courses = np.array([each.actor for each in cut]), whole.shape[2] - ABOVE, Pieces.of(whole).courses
+    actors, numbers, courses = np.array([each.actor for each in cut]), whole.shape[2] - AXES, Pieces.of(whole).courses
     scatter = np.zeros((numbers, numbers))
     for place in shown.tolist():
         own = of_class == place
@@ -631,9 +646,9 @@ def everyday(skeleton: Skeleton) -> Numbers | None:
     if learned is None or corners_of(skeleton) is None:
         return None
     places = {name: place for place, name in enumerate(hdm05.SKELETON.joints)}
-    learned, above = np.split(learned, [-ABOVE], axis=2)
+    learned, axes = np.split(learned, [-AXES], axis=2)
     windows = np.zeros((*learned.shape[:2], len(skeleton.joints), 3))
     for place, name in enumerate(skeleton.joints):
         if name in places:
             windows[:, :, place] = learned.reshape(*learned.shape[:2], -1, 3)[:, :, places[name]]
-    return np.concatenate([windows.reshape(*learned.shape[:2], -1), above], axis=2)
+    return np.concatenate([windows.reshape(*learned.shape[:2], -1), axes], axis=2)

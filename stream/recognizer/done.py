@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.signature.own_frame import ABOVE, HISTORY, STEP, at_steps, own_path
+from kinespace.library.signature.own_frame import AXES, HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.courses import MAX_WAY, POINTS, Courses, Pieces, at_equal_way, of_time, share_at, ways_of
 from kinespace.stream.recognition import Seen
@@ -192,7 +192,7 @@ class DoneFollower:
         """Find the motions of another library from now on."""
         self._courses = courses
         self._longest = courses.counts[-1] + 1 if courses.counts else 0
-        width = courses.pieces.ways.shape[1] + ABOVE
+        width = courses.pieces.ways.shape[1] + AXES
         self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
@@ -211,8 +211,6 @@ class DoneFollower:
         """Forget the body's past."""
         self._count, self.time, self._over = 0, math.nan, -math.inf
         self._ways[:1] = 0.0
-        #: Where the trunk has pointed; None before the first step.
-        self._upright: NDArray[np.float64] | None = None
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
         self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
@@ -273,7 +271,7 @@ class DoneFollower:
             body = np.concatenate([body, at_steps(times, positions, self.time + STEP * np.arange(1, steps + 1))])
             self.time += steps * STEP
         self._body = np.concatenate([self._body[-HISTORY:], body])
-        points, self._size, self._upright = own_path(self._body, self._skeleton, len(body), self._upright)
+        points, self._size = own_path(self._body, self._skeleton, len(body))
         self._extend(points)
 
     def _extend(self, points: NDArray[np.float64]) -> None:

@@ -16,12 +16,12 @@ def mean_of_last(rows: list[np.ndarray], place: int, count: int) -> np.ndarray:
 
 
 def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.ndarray:
-    """Give how far each joint lies to the left of, above and in front of the hips, and the vertex above, by steps."""
+    """Give how far each joint lies to the left of, above and in front of the hips, and these axes, by steps."""
     one, other, left_hip, right_hip = corners
     lefts = [frame[one] - frame[other] + frame[left_hip] - frame[right_hip] for frame in body]
     ups = [frame[one] + frame[other] - frame[left_hip] - frame[right_hip] for frame in body]
     size = sum(math.sqrt(up @ up) / 2 for up in ups) / len(ups)
-    points, vertices, upright = [], [], None
+    points, axes = [], []
     for place, frame in enumerate(body):
         up = mean_of_last(ups, place, 15)
         up = up / math.sqrt(up @ up)
@@ -29,11 +29,10 @@ def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.nd
         left = left - (left @ up) * up
         left = left / math.sqrt(left @ left)
         front = np.cross(left, up)
-        upright = up if upright is None else 299 / 300 * upright + up / 300
-        vertices.append([0.001 * size * (upright @ axis) for axis in (left, up, front)])
         middle = (frame[left_hip] + frame[right_hip]) / 2
         points.append(np.concatenate([[(joint - middle) @ axis for axis in (left, up, front)] for joint in frame]))
-    return np.array([[*mean_of_last(points, place, 5), *vertex] for place, vertex in enumerate(vertices)])
+        axes.append([0.001 * size * axis[place] for place in range(3) for axis in (left, up, front)])
+    return np.array([[*mean_of_last(points, place, 5), *each] for place, each in enumerate(axes)])
 
 
 def at_equal_way_of(path: np.ndarray) -> np.ndarray:
@@ -52,7 +51,7 @@ def at_equal_way_of(path: np.ndarray) -> np.ndarray:
 def course_of(points: np.ndarray, whitening: np.ndarray | None = None) -> np.ndarray:
     """Give the unit directions, weighed by a matrix, each averaged with its neighbours, together of length 1."""
     directions = []
-    for before, after in pairwise(points[:, :-3]):
+    for before, after in pairwise(points[:, :-9]):
         step = after - before
         direction = step / max(float(np.linalg.norm(step)), 1e-9)
         directions.append(direction if whitening is None else direction @ whitening)
@@ -66,7 +65,7 @@ def course_of(points: np.ndarray, whitening: np.ndarray | None = None) -> np.nda
 
 def cost_of(one: np.ndarray, other: np.ndarray) -> float:
     """Give the cost of one piece at equal way by another."""
-    product, joints = float(course_of(one) @ course_of(other)), (one[:, :-3], other[:, :-3])
+    product, joints = float(course_of(one) @ course_of(other)), (one[:, :-9], other[:, :-9])
     ways = [sum(abs(after - before) for before, after in pairwise(each)) for each in joints]
     widths = [each.max(axis=0) - each.min(axis=0) for each in joints]
     shared = [max(float(a @ b / np.linalg.norm(a) / np.linalg.norm(b)), LEAST) for a, b in (ways, widths)]
@@ -74,9 +73,10 @@ def cost_of(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def tilt_of(points: np.ndarray) -> np.ndarray:
-    """Give where above is at each point, as the body sees it, together of length 1."""
-    seen = [point[-3:] / np.linalg.norm(point[-3:]) for point in points]
-    return np.concatenate(seen) / math.sqrt(len(seen))
+    """Give where the trunk pointed at first, as the body sees it at each point, together of length 1."""
+    frames = [point[-9:].reshape(3, 3) for point in points]
+    seen = [frames[0][:, 1] @ (frame / np.linalg.norm(frame, axis=0)) for frame in frames]
+    return np.concatenate([each / np.linalg.norm(each) for each in seen]) / math.sqrt(len(seen))
 
 
 def alike_of(product: float) -> float:

@@ -136,8 +136,8 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
             continue
         read = naive.at_equal_way_of(window)
         way = naive.way_of(read) / size
-        course, ways = naive.course_of(read, courses.whitening), np.abs(np.diff(read[:, :-3], axis=0)).sum(axis=0)
-        widths, tilt = np.ptp(read[:, :-3], axis=0), naive.tilt_of(read)
+        course, ways = naive.course_of(read, courses.whitening), np.abs(np.diff(read[:, :-9], axis=0)).sum(axis=0)
+        widths, tilt = np.ptp(read[:, :-9], axis=0), naive.tilt_of(read)
         for motion, limit in enumerate(limits):
             longer = way / pieces.lengths[motion]
             if not 1 / naive.LONGER < longer < naive.LONGER:

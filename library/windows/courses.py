@@ -63,7 +63,7 @@ _BEGINNINGS = 4
 _MIN_MOVEMENT, _SHOWN = 0.02, 16
 #: Limits of whole motions, and of their first parts, are at most this share of what everyday movement costs a motion's
 #: parts.
-_OF_EVERYDAY = 0.7, 0.6
+_OF_EVERYDAY = 0.75, 0.6
 #: A limit is this share of the least cost of a motion called `nothing`, or of another class; of a whole motion whose
 #: class has several motions less.
 _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)

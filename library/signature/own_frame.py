@@ -5,6 +5,9 @@ uppercut all take a hand away from everything. The paper's graph G = (V, E, d) (
 three more vertices, which the shoulders and the hips carry. The distance to a vertex at the distance f grows by f − d
 where a joint moves d towards it; for f → ∞ these numbers are coordinates in the body's own frame. They stay blind to
 where the body stands and which way it faces.
+
+In the body's own frame lying down looks like crouching. So the frame's axes stay beside the joints: they say how the
+trunk has turned since a motion began.
 """
 
 from functools import lru_cache
@@ -27,6 +30,9 @@ _CORNERS = (("lclavicle", "lhumerus"), ("rclavicle", "rhumerus"), ("lhipjoint", 
 _FROM_CORNERS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [0.0, 0.0, 0.5, 0.5]])
 #: The axes after and before each axis, for cross products.
 _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]
+#: Numbers of the frame's axes, the last of a point, and how long the axes are, in the body's sizes: so short that they
+#: add nothing to a way.
+AXES, _SHORT = 9, 1e-3
 #: A length in metres that divides nothing by 0.
 _TINY = 1e-6
 
@@ -57,15 +63,17 @@ def own_path(
     Returns
     -------
     points
-        Shape (steps, numbers), metres: how far each joint lies to the left of, above and in front of the hips, averaged
-        over the last sixth of a second. Without shoulders or hips: the distance rows.
+        Shape (steps, numbers + `AXES`), metres: how far each joint lies to the left of, above and in front of the hips,
+        averaged over the last sixth of a second, and the axes left, up and front: their first coordinates, second and
+        third. Without shoulders or hips: the distance rows, and axes that stay as they are.
     size
         Metres: the mean distance of the middles of shoulders and hips. Without them: of all joints.
     """
     corners, first = corners_of(skeleton), len(positions) - (len(positions) if newest is None else newest)
     if corners is None:
         rows = distance_rows(positions, skeleton)
-        return averaged(rows, _POINT_STEPS)[first:], max(float(rows.mean()), _TINY)
+        size = max(float(rows.mean()), _TINY)
+        return _beside(averaged(rows, _POINT_STEPS)[first:], np.tile(size * np.eye(3), (len(rows) - first, 1, 1))), size
     left, up, hips = (_FROM_CORNERS @ positions.take(corners, axis=1)).transpose(1, 0, 2)
     size = float(_lengths(up).sum()) / (2 * len(positions))
     left, up = averaged(left, _FRAME_STEPS), averaged(up, _FRAME_STEPS)
@@ -77,7 +85,13 @@ def own_path(
     # The points are averaged over these.
     some = slice(max(first - _POINT_STEPS + 1, 0), None)
     own = (positions[some] - hips[some, None]) @ axes[some]
-    return averaged(own.reshape(len(own), -1), _POINT_STEPS)[first - some.start :], max(size, _TINY)
+    own, size = averaged(own.reshape(len(own), -1), _POINT_STEPS)[first - some.start :], max(size, _TINY)
+    return _beside(own, size * axes[first:]), size
+
+
+def _beside(points: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put axes, shape (steps, 3, 3), beside points."""
+    return np.concatenate([points, _SHORT * axes.reshape(-1, AXES)], axis=1)
 
 
 def _lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,9 +5,11 @@ This is the paper's own comparison (Le Naour et al. 2012): the window is as long
 out, and keeps the unit directions from each point to the next: one vector of unit length. Every direction is averaged
 with its neighbours, so that a bend may come a little sooner or later (a band of time warping would allow the same).
 
-    cost(a, b) = (1 − ⟨course a, course b⟩) / (⟨way a, way b⟩ ⟨width a, width b⟩)
+    cost(a, b) = (1 − ⟨course a, course b⟩) / (⟨way a, way b⟩ ⟨width a, width b⟩ min(1, ⟨tilt a, tilt b⟩ / .9)³)
 
 way and width say how far each number goes and how far it swings, as unit vectors: the spread beside the directions.
+tilt says where the trunk pointed at first, as the body sees it at each point: who lies down crouches as in a squat, but
+falls over.
 
 A motion is said where a live window costs less than the motion's limit (`stream.recognizer.done`). The limit comes from
 what must not be said: everyday movement (`everyday`, and the motions called `nothing`), and other classes' motions.
@@ -28,7 +30,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import NOTHING
 from kinespace.library.naming import hdm05
-from kinespace.library.signature.own_frame import STEP, at_steps, corners_of, own_path
+from kinespace.library.signature.own_frame import AXES, STEP, at_steps, corners_of, own_path
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.comparison import whitened
 
@@ -40,8 +42,10 @@ POINTS = 12
 _PLACES = np.linspace(0.0, 1.0, POINTS)
 #: Points along a path by which neighbouring directions are averaged: the standard deviation of their weights.
 _BLUR = 0.8
-#: Inner products of ways and of widths divide by no less.
+#: Inner products of ways, of widths and of tilts divide by no less.
 _LEAST_PRODUCT = 0.01
+#: The inner product of tilts from which on they are alike (an angle of 26°), and the power of the lack of it.
+_UPRIGHT, _TILTED = 0.9, 3
 #: A window's way is at most so much longer or shorter than the motion's.
 MAX_WAY = 1 / 0.6
 #: Seconds of the shortest motion with a course, and of the shortest window; how much longer the next window is.
@@ -59,7 +63,7 @@ _BEGINNINGS = 4
 _MIN_MOVEMENT, _SHOWN = 0.02, 16
 #: Limits of whole motions, and of their first parts, are at most this share of what everyday movement costs a motion's
 #: parts.
-_OF_EVERYDAY = 0.7, 0.6
+_OF_EVERYDAY = 0.75, 0.6
 #: A limit is this share of the least cost of a motion called `nothing`, or of another class; of a whole motion whose
 #: class has several motions less.
 _OF_OTHERS, _OF_OTHERS_CROSSED = 0.85, (0.72, 0.85)
@@ -94,16 +98,21 @@ class Pieces(NamedTuple):
         How far each number goes, and how far it swings: shape (pieces, numbers), of unit length.
     lengths
         The way of each piece, relative to the body's size where its points are; shape (pieces,).
+    tilts
+        Where the trunk pointed at first, as the body sees it: shape (pieces, POINTS × 3), of unit length.
     """
 
     courses: Floats
     ways: Floats
     widths: Floats
     lengths: Floats
+    tilts: Floats
 
     @classmethod
     def of(cls, points: NDArray[np.floating], whitening: Floats | None = None) -> Self:
-        """Take pieces at equal way, shape (pieces, POINTS, numbers), their directions times (numbers, numbers)."""
+        """Take pieces at equal way, (pieces, POINTS, numbers + AXES), their directions times (numbers, numbers)."""
+        tilts = _unit(turned(points)[:, :, 1].reshape(-1, 3)).reshape(len(points), POINTS * 3) / math.sqrt(POINTS)
+        points = points[..., :-AXES]
         # All pieces' first points come first: sums and products along the path are then over whole rows.
         along = np.ascontiguousarray(points.transpose(1, 0, 2), dtype=np.float32)
         steps = along[1:] - along[:-1]
@@ -114,7 +123,7 @@ class Pieces(NamedTuple):
         blurred = np.matmul(_blur(), directions.reshape(steps.shape).transpose(1, 0, 2))
         courses = blurred.reshape(len(points), len(steps) * points.shape[2])
         ways, widths = np.abs(steps).sum(axis=0), along.max(axis=0) - along.min(axis=0)
-        return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=0))
+        return cls(_unit(courses), _unit(ways), _unit(widths), lengths.sum(axis=0), tilts)
 
     def costs(self, others: "Pieces") -> Floats:
         """Compare with other pieces: shape (pieces, others)."""
@@ -122,9 +131,11 @@ class Pieces(NamedTuple):
         return costs
 
     def shared(self, others: "Pieces") -> Floats:
-        """Give the products of ways and of widths, by which costs are divided: shape (pieces, others)."""
+        """Give the products of ways, of widths and of tilts, by which costs are divided: shape (pieces, others)."""
         ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
+        alike = np.minimum(self.tilts @ others.tilts.T / np.float32(_UPRIGHT), np.float32(1))
         shared: Floats = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
+        shared *= np.maximum(alike, np.float32(_LEAST_PRODUCT)) ** _TILTED
         return shared
 
     def as_far(self, others: "Pieces", most: float = MAX_WAY) -> NDArray[np.bool_]:
@@ -184,6 +195,20 @@ def _blur() -> Floats:
     places = np.arange(POINTS - 1)
     weights: Floats = np.exp(-0.5 * ((places[:, None] - places) / _BLUR) ** 2).astype(np.float32)
     return weights
+
+
+def turned(points: NDArray[np.floating]) -> Floats:
+    """Give the axes of the body's frame in pieces, as the body saw them at first: shape (pieces, POINTS, 3, 3).
+
+    Parameters
+    ----------
+    points
+        The pieces at equal way, shape (pieces, POINTS, numbers + `AXES`).
+    """
+    axes = points[..., -AXES:].reshape(*points.shape[:2], 3, 3).astype(np.float32)
+    axes /= np.maximum(np.sqrt(np.einsum("pnca,pnca->pna", axes, axes)), np.float32(_TINY))[:, :, None]
+    seen: Floats = np.matmul(axes[:, :1].swapaxes(2, 3), axes)
+    return seen
 
 
 def ways_of(points: NDArray[np.floating]) -> Numbers:
@@ -262,7 +287,7 @@ class Courses:
         """Cut the courses out of motions over one skeleton."""
         cut = sorted(_cut(motions), key=lambda each: (each.class_name, len(each.points)))
         if not cut:
-            none, places, numbers = Pieces.of(np.zeros((0, POINTS, 1))), np.zeros(0, dtype=np.intp), np.zeros(0)
+            none, places, numbers = Pieces.of(np.zeros((0, POINTS, AXES + 1))), np.zeros(0, dtype=np.intp), np.zeros(0)
             screen, limits = Screen.of(none.courses), np.zeros((2, 0), np.float32)
             return cls((), places, none, screen, limits, None, places, numbers, numbers, ())
         names = [each.class_name for each in cut]
@@ -509,7 +534,7 @@ def _whitening(
     shown = np.flatnonzero(persons >= _PERSONS)
     if len(shown) < min(_CLASSES, len(persons) // 2 + 1):
         return None
-    actors, numbers, courses = np.array([each.actor for each in cut]), whole.shape[2], Pieces.of(whole).courses
+    actors, numbers, courses = np.array([each.actor for each in cut]), whole.shape[2] - AXES, Pieces.of(whole).courses
     scatter = np.zeros((numbers, numbers))
     for place in shown.tolist():
         own = of_class == place
@@ -621,8 +646,9 @@ def everyday(skeleton: Skeleton) -> Numbers | None:
     if learned is None or corners_of(skeleton) is None:
         return None
     places = {name: place for place, name in enumerate(hdm05.SKELETON.joints)}
+    learned, axes = np.split(learned, [-AXES], axis=2)
     windows = np.zeros((*learned.shape[:2], len(skeleton.joints), 3))
     for place, name in enumerate(skeleton.joints):
         if name in places:
             windows[:, :, place] = learned.reshape(*learned.shape[:2], -1, 3)[:, :, places[name]]
-    return windows.reshape(*learned.shape[:2], -1)
+    return np.concatenate([windows.reshape(*learned.shape[:2], -1), axes], axis=2)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.signature.own_frame import HISTORY, STEP, at_steps, own_path
+from kinespace.library.signature.own_frame import AXES, HISTORY, STEP, at_steps, own_path
 from kinespace.library.skeleton import Skeleton
 from kinespace.library.windows.courses import MAX_WAY, POINTS, Courses, Pieces, at_equal_way, of_time, share_at, ways_of
 from kinespace.stream.recognition import Seen
@@ -192,7 +192,7 @@ class DoneFollower:
         """Find the motions of another library from now on."""
         self._courses = courses
         self._longest = courses.counts[-1] + 1 if courses.counts else 0
-        width = courses.pieces.ways.shape[1]
+        width = courses.pieces.ways.shape[1] + AXES
         self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
         self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-#: The definition's constants: points, the blur, the least product, and how much longer one way may be.
-POINTS, BLUR, LEAST, LONGER = 12, 0.8, 0.01, 1 / 0.6
+#: The definition's constants: points, the blur, the least product, how much longer one way may be, and alike tilts.
+POINTS, BLUR, LEAST, LONGER, ALIKE = 12, 0.8, 0.01, 1 / 0.6, 0.9
 
 
 def mean_of_last(rows: list[np.ndarray], place: int, count: int) -> np.ndarray:
@@ -16,11 +16,12 @@ def mean_of_last(rows: list[np.ndarray], place: int, count: int) -> np.ndarray:
 
 
 def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.ndarray:
-    """Give how far each joint lies to the left of, above and in front of the hips, step by step."""
+    """Give how far each joint lies to the left of, above and in front of the hips, and these axes, by steps."""
     one, other, left_hip, right_hip = corners
     lefts = [frame[one] - frame[other] + frame[left_hip] - frame[right_hip] for frame in body]
     ups = [frame[one] + frame[other] - frame[left_hip] - frame[right_hip] for frame in body]
-    points = []
+    size = sum(math.sqrt(up @ up) / 2 for up in ups) / len(ups)
+    points, axes = [], []
     for place, frame in enumerate(body):
         up = mean_of_last(ups, place, 15)
         up = up / math.sqrt(up @ up)
@@ -30,7 +31,8 @@ def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.nd
         front = np.cross(left, up)
         middle = (frame[left_hip] + frame[right_hip]) / 2
         points.append(np.concatenate([[(joint - middle) @ axis for axis in (left, up, front)] for joint in frame]))
-    return np.array([mean_of_last(points, place, 5) for place in range(len(points))])
+        axes.append([0.001 * size * axis[place] for place in range(3) for axis in (left, up, front)])
+    return np.array([[*mean_of_last(points, place, 5), *each] for place, each in enumerate(axes)])
 
 
 def at_equal_way_of(path: np.ndarray) -> np.ndarray:
@@ -49,7 +51,7 @@ def at_equal_way_of(path: np.ndarray) -> np.ndarray:
 def course_of(points: np.ndarray, whitening: np.ndarray | None = None) -> np.ndarray:
     """Give the unit directions, weighed by a matrix, each averaged with its neighbours, together of length 1."""
     directions = []
-    for before, after in pairwise(points):
+    for before, after in pairwise(points[:, :-9]):
         step = after - before
         direction = step / max(float(np.linalg.norm(step)), 1e-9)
         directions.append(direction if whitening is None else direction @ whitening)
@@ -63,11 +65,23 @@ def course_of(points: np.ndarray, whitening: np.ndarray | None = None) -> np.nda
 
 def cost_of(one: np.ndarray, other: np.ndarray) -> float:
     """Give the cost of one piece at equal way by another."""
-    product = float(course_of(one) @ course_of(other))
-    ways = [sum(abs(after - before) for before, after in pairwise(each)) for each in (one, other)]
-    widths = [each.max(axis=0) - each.min(axis=0) for each in (one, other)]
+    product, joints = float(course_of(one) @ course_of(other)), (one[:, :-9], other[:, :-9])
+    ways = [sum(abs(after - before) for before, after in pairwise(each)) for each in joints]
+    widths = [each.max(axis=0) - each.min(axis=0) for each in joints]
     shared = [max(float(a @ b / np.linalg.norm(a) / np.linalg.norm(b)), LEAST) for a, b in (ways, widths)]
-    return (1 - product) / (shared[0] * shared[1])
+    return (1 - product) / (shared[0] * shared[1] * alike_of(tilt_of(one) @ tilt_of(other)))
+
+
+def tilt_of(points: np.ndarray) -> np.ndarray:
+    """Give where the trunk pointed at first, as the body sees it at each point, together of length 1."""
+    frames = [point[-9:].reshape(3, 3) for point in points]
+    seen = [frames[0][:, 1] @ (frame / np.linalg.norm(frame, axis=0)) for frame in frames]
+    return np.concatenate([each / np.linalg.norm(each) for each in seen]) / math.sqrt(len(seen))
+
+
+def alike_of(product: float) -> float:
+    """Say how alike two tilts are."""
+    return max(min(product / ALIKE, 1.0), LEAST) ** 3
 
 
 def way_of(points: np.ndarray) -> float:

@@ -23,8 +23,9 @@ from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.naming import hdm05
+from kinespace.library.signature.own_frame import AXES
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
-from kinespace.library.windows.courses import Pieces, path_of, windows_of
+from kinespace.library.windows.courses import Pieces, path_of, turned, windows_of
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
@@ -195,16 +196,16 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
 
     Returns
     -------
-    Shape (groups, POINTS, 3 joints), metres.
+    Shape (groups, POINTS, 3 joints + `AXES`), metres.
 
     Raises
     ------
     ValueError
         No take has all joints, or no group has windows of two persons.
     """
-    own = [each.over(hdm05.SKELETON) for each in clips if set(hdm05.SKELETON.joints) <= set(each.skeleton.joints)]
-    read = [windows_of(path_of(clip), _EVERYDAY_COUNTS) for clip in own]
-    persons = np.repeat([clip.actor for clip in own], [len(each) for each in read])
+    whole = [each.over(hdm05.SKELETON) for each in clips if set(hdm05.SKELETON.joints) <= set(each.skeleton.joints)]
+    read = [windows_of(path_of(clip), _EVERYDAY_COUNTS) for clip in whole]
+    persons = np.repeat([clip.actor for clip in whole], [len(each) for each in read])
     if len(set(persons.tolist())) < 2:
         raise ValueError("--everyday: expected takes of several persons with HDM05's joints, got none")
     windows = np.concatenate(read)
@@ -215,12 +216,15 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     points = (pieces.courses - mean) @ axes
     centres, _ = kmeans2(points[some], _EVERYDAY_GROUPS, iter=20, minit="points", rng=draw, missing="warn")
     group = (np.square(centres).sum(axis=1) - 2 * points @ centres.T).argmin(axis=1)
+    seen = turned(windows).reshape(*windows.shape[:2], AXES)
+    windows = windows[..., :-AXES]
     # Windows count alike, however far they go.
     alike = (windows - windows.mean(axis=1, keepdims=True)) / np.maximum(pieces.lengths, 1e-6)[:, None, None]
+    groups = [group == each for each in range(_EVERYDAY_GROUPS)]
     means = [
-        alike[group == each].mean(axis=0) * np.median(pieces.lengths[group == each])
-        for each in range(_EVERYDAY_GROUPS)
-        if np.count_nonzero(group == each) >= _EVERYDAY_LEAST and len(set(persons[group == each].tolist())) > 1
+        np.hstack([alike[own].mean(axis=0) * np.median(pieces.lengths[own]), seen[own].mean(axis=0)])
+        for own in groups
+        if np.count_nonzero(own) >= _EVERYDAY_LEAST and len(set(persons[own].tolist())) > 1
     ]
     if not means:
         raise ValueError("--everyday: expected a group of windows of two persons, got none")

@@ -15,7 +15,7 @@ from kinespace.library.windows import courses as motions
 from kinespace.library.windows.courses import POINTS, Courses, Pieces, at_equal_way, path_of, ways_of
 from kinespace.library.windows.segments import mirrored
 
-SQUAT, JOG, GRAB = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR"
+SQUAT, JOG, GRAB, DOWN = "squat1Reps", "jogLeftCircle4StepsRstart", "grabHighR", "lieDownFloor"
 
 
 def clips_of(builtin: MotionLibrary, *classes: str, actor: str = "") -> list[Clip]:
@@ -42,7 +42,7 @@ def test_points_are_those_of_the_definition(builtin: MotionLibrary) -> None:
 
 def test_costs_are_those_of_the_definition(builtin: MotionLibrary) -> None:
     """Of real windows by real motions, to single precision."""
-    paths = [path_of(clip) for clip in clips_of(builtin, SQUAT, GRAB, JOG, actor="bk")[::5]]
+    paths = [path_of(clip) for clip in clips_of(builtin, SQUAT, GRAB, JOG, DOWN, actor="bk")[::5]]
     read = np.concatenate([equal_way(path) for path in paths])
     for place, path in enumerate(paths):
         np.testing.assert_allclose(read[place], naive.at_equal_way_of(path), atol=1e-6)
@@ -73,6 +73,21 @@ def test_the_other_side_is_another_motion(builtin: MotionLibrary) -> None:
     one, other = (Pieces.of(equal_way(path_of(each))) for each in (clip, mirrored(clip)))
     again = Pieces.of(equal_way(path_of(clips_of(builtin, GRAB, actor="tr")[1])))
     assert float(one.costs(other)[0, 0]) > 0.9 > 3 * float(one.costs(again)[0, 0])
+
+
+def test_who_lies_down_does_not_squat(builtin: MotionLibrary) -> None:
+    """In the own frame both crouch and stretch; where above is tells them apart, however the feed's axes stand."""
+    turn, dearer = Rotation.from_euler("xyz", (1.0, 2.0, 0.5)).as_matrix(), []
+    squats = [Pieces.of(equal_way(path_of(squat))) for squat in clips_of(builtin, SQUAT)]
+    for down in clips_of(builtin, DOWN):
+        lying = Pieces.of(equal_way(path_of(down)))
+        turned = Pieces.of(equal_way(path_of(replace(down, positions=down.positions @ turn))))
+        np.testing.assert_allclose(turned.tilts, lying.tilts, atol=1e-4)
+        alike = [lying._replace(tilts=squat.tilts) for squat in squats]
+        pairs = zip(squats, alike, strict=True)
+        dearer += [float(one.costs(lying)[0, 0] / one.costs(other)[0, 0]) for one, other in pairs]
+    assert min(dearer) > 1.0
+    assert np.median(dearer) > 2.0
 
 
 def test_a_body_without_shoulders_is_followed_by_its_distances(sticks: MotionLibrary) -> None:

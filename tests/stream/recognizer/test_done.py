@@ -137,8 +137,8 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
             continue
         read = naive.at_equal_way_of(window)
         way = naive.way_of(read) / size
-        course, ways = naive.course_of(read, courses.whitening), np.abs(np.diff(read, axis=0)).sum(axis=0)
-        widths = np.ptp(read, axis=0)
+        course, ways = naive.course_of(read, courses.whitening), np.abs(np.diff(read[:, :-9], axis=0)).sum(axis=0)
+        widths, tilt = np.ptp(read[:, :-9], axis=0), naive.tilt_of(read)
         for motion, limit in enumerate(limits):
             longer = way / pieces.lengths[motion]
             if not 1 / naive.LONGER < longer < naive.LONGER:
@@ -147,6 +147,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
                 max(float(mine @ theirs[motion] / np.linalg.norm(mine)), naive.LEAST)
                 for mine, theirs in ((ways, pieces.ways), (widths, pieces.widths))
             ]
+            shared.append(naive.alike_of(float(tilt @ pieces.tilts[motion])))
             cost = (1 - float(course @ pieces.courses[motion])) / math.prod(shared) / float(limit)
             if whole and courses.whitening is None:
                 cost *= math.exp(0.2 * math.log(count * STEP / courses.seconds[motion]) ** 2)

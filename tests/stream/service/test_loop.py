@@ -465,7 +465,7 @@ def test_motions_start_and_end_once() -> None:
     assert ann.play(2.0, 3.0, "jog") == [("end", "squat"), ("start", "jog")]
     assert ann.play(3.0, 4.0, "gone", ("gone", "jog")) == []
     assert ann.track.exchange(("jog", "squat"), 0.01) is None
-    assert ann.track.decision.going_on.index == 0
+    assert ann.track.events.going_on.index == 0
     ended = ann.track.exchange(("squat",), 0.01)
     assert (ended.kind, ended.label) == ("end", "jog")
     assert ann.track.end() is None

@@ -18,8 +18,7 @@ from twins import Twin
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, compiled, distance_rows
 from kinespace.stream import Frame, Outcome, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.decision import LEAD
-from kinespace.stream.recognizer.live_windows import NOISY
-from kinespace.stream.recognizer.window import Window
+from kinespace.stream.recognizer.window import NOISY, Window
 from kinespace.tools.feeding.feed import resampled
 
 pytestmark = pytest.mark.slow

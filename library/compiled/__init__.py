@@ -22,9 +22,9 @@ def _built() -> ModuleType | None:
         return None
 
 
-_module = _built()
+_module = _built() if os.environ.get("KINESPACE_COMPILED") != "0" else None
 #: Whether the compiled functions are in use.
-in_use = _module is not None and os.environ.get("KINESPACE_COMPILED") != "0"
+in_use = _module is not None
 #: The functions in numpy, by their names.
 by_numpy: dict[str, Callable[..., Any]] = {}
 
@@ -35,13 +35,13 @@ def compiled(function: _Function) -> _Function:
     A compiled function that gives None leaves the call to `by_numpy`: of arrays that are too large for it, say.
     """
     by_numpy[function.__name__] = function
-    taken: _Function = getattr(_module, function.__name__, function) if in_use else function
+    taken: _Function = getattr(_module, function.__name__, function)
     return taken
 
 
 @contextmanager
 def left_aside() -> Iterator[None]:
-    """Compute by numpy inside this block."""
+    """Compute by numpy inside this block, with the modules that are imported before it."""
     global in_use  # noqa: PLW0603 - one for the process, as modules are
     before, in_use = in_use, False
     own = {name: getattr(sys.modules[each.__module__], name) for name, each in by_numpy.items()}

@@ -410,7 +410,7 @@ class _Cut(NamedTuple):
     points: Numbers
 
     def read(self, share: float) -> Floats:
-        """Read its first part at equal way, shape (1, POINTS, numbers)."""
+        """Read its first part at equal way, shape (1, POINTS, numbers + AXES)."""
         ways = ways_of(self.points)
         return at_equal_way(self.points, ways, np.zeros(1), np.array([share * ways[-1]]))
 
@@ -523,7 +523,7 @@ def _whitening(
     Parameters
     ----------
     whole
-        The motions at equal way, shape (motions, POINTS, numbers).
+        The motions at equal way, shape (motions, POINTS, numbers + `AXES`).
     cut, of_class, persons
         The motions, the class of each, and how many persons show each class.
 
@@ -576,7 +576,7 @@ def _unwanted(
 
 
 def windows_of(points: Numbers, counts: Sequence[int], most: int = _MAX_WINDOWS) -> Floats:
-    """Read windows everywhere in a path, of so many steps each, at equal way: (windows, POINTS, numbers)."""
+    """Read windows everywhere in a path, of so many steps each, at equal way: (windows, POINTS, numbers + AXES)."""
     ways = ways_of(points)
     ends: list[Numbers] = []
     begins: list[Numbers] = []

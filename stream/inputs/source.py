@@ -265,11 +265,12 @@ def taking(sources: Sequence[Source], seconds: float, is_over: Callable[[], bool
         poller.register(source.pollable, zmq.POLLIN)
     until = time.monotonic() + seconds
     while not ending:
+        for source in sources:
+            source.tend(time.monotonic())
         left = until - time.monotonic()
         ending = left <= 0 or is_over()
         poller.poll(0 if ending else round(1000 * min(_MAX_SLEEP, left)) + 1)
         for source in sources:
-            source.tend(time.monotonic())
             for _ in range(_MAX_IN_TURN):
                 if source.take(time.monotonic()) is None:
                     break

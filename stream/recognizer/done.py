@@ -101,7 +101,7 @@ class Asked(NamedTuple):
     courses
         The library's.
     points
-        The windows at equal way, shape (windows, POINTS, numbers).
+        The windows at equal way, shape (windows, POINTS, numbers + `AXES`).
     size
         The body's size, metres.
     counts

@@ -19,6 +19,7 @@ Answers as ZeroMQ messages: a topic and a JSON object.
 infinity are null, because JSON has neither.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
@@ -301,7 +302,8 @@ def encode(message: object, *, named: bool = True) -> list[bytes] | None:
         case Recognition():
             return encode_recognition(message)
         case State() | Taught():
-            return [b"teach/", _encode(as_json(message))]
+            # A file's name may be no text that UTF-8 has.
+            return [b"teach/", json.dumps(as_json(message)).encode()]
         case Classes(names):
             topic, told = b"classes/", dict[str, object](classes=names)
         case Status():

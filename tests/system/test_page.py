@@ -276,7 +276,7 @@ def teaches(page: Page, performer: Performer) -> None:
     until(page, "[...kinespace.performers.get('ann').motions.values()].some((each) => each.mark === 'wrong')")
     page.click("#teach button:has-text('Undo')")
     until(page, "!('nothing' in kinespace.control.taught)")
-    teaches_the_past(page)
+    teaches_the_past(page, performer)
     # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
@@ -296,8 +296,24 @@ def moves_at_will(page: Page, performer: Performer) -> None:
     until(page, "!('nothing' in kinespace.control.taught) && document.querySelector('#at-will.main')")
 
 
-def teaches_the_past(page: Page) -> None:
-    """Drag over the last kick on the timeline, and name it."""
+def teaches_the_past(page: Page, performer: Performer) -> None:
+    """Drag over the last kick on the timeline, and name it; over another kick if a busy machine lost frames of it."""
+    taught = "kinespace.control.taught['my kick'] === 1"
+    for _ in range(3):
+        drags_over_the_last_kick(page)
+        page.keyboard.type("my kick")
+        page.keyboard.press("Enter")
+        until(page, f"{taught} || document.querySelector('#said').textContent.startsWith('refused')")
+        if page.evaluate(taught):
+            break
+        sees_motion(page, performer, KICK, takes(KICK)[2])
+        until(page, f"{DOING}.textContent === ''")
+    until(page, f"{taught} && span === null")
+    until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
+
+
+def drags_over_the_last_kick(page: Page) -> None:
+    """Choose the span of the last kick, so that its name can be typed."""
     box = page.locator("#timeline").bounding_box()
     from_x, to_x = page.evaluate(
         "[LAST.begin - 0.7, LAST.end].map((at) => SCALE.left + (at - nowThere() + SHOWN) / SCALE.seconds)".replace(
@@ -311,10 +327,6 @@ def teaches_the_past(page: Page) -> None:
     until(page, "document.activeElement.id === 'span-name' && span.performer === 'ann'")
     assert not page.is_visible("#wrong")
     assert 0.5 < page.evaluate("span.end - span.begin") < 15
-    page.keyboard.type("my kick")
-    page.keyboard.press("Enter")
-    until(page, "kinespace.control.taught['my kick'] === 1 && span === null")
-    until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")

@@ -82,7 +82,7 @@ class LslFeed:
         found = lsl()
         streams = found.resolve_byprop("name", name, timeout=_FOUND_WITHIN)
         if not streams:
-            others = sorted({each.name() for each in found.resolve_streams(0.5)})
+            others = sorted({each.name() for each in found.resolve_streams(1.5)})
             raise OSError(f"--lsl-in: no stream {name!r} on the network; there are: {', '.join(others) or 'none'}")
         clocks = found.proc_clocksync | found.proc_monotonize
         self._inlet = found.StreamInlet(streams[0], max_buflen=_KEPT, processing_flags=clocks)

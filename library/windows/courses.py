@@ -44,8 +44,8 @@ _PLACES = np.linspace(0.0, 1.0, POINTS)
 _BLUR = 0.8
 #: Inner products of ways, of widths and of tilts divide by no less.
 _LEAST_PRODUCT = 0.01
-#: The inner product of tilts from which on they are alike (an angle of 26°), and the power of the lack of it.
-_UPRIGHT, _TILTED = 0.9, 3
+#: The inner product of tilts from which on they are alike: an angle of 26°.
+_ALIKE = 0.9
 #: A window's way is at most so much longer or shorter than the motion's.
 MAX_WAY = 1 / 0.6
 #: Seconds of the shortest motion with a course, and of the shortest window; how much longer the next window is.
@@ -133,9 +133,10 @@ class Pieces(NamedTuple):
     def shared(self, others: "Pieces") -> Floats:
         """Give the products of ways, of widths and of tilts, by which costs are divided: shape (pieces, others)."""
         ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
-        alike = np.minimum(self.tilts @ others.tilts.T / np.float32(_UPRIGHT), np.float32(1))
+        tilts = np.clip(self.tilts @ others.tilts.T / _ALIKE, _LEAST_PRODUCT, 1.0)
         shared: Floats = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
-        shared *= np.maximum(alike, np.float32(_LEAST_PRODUCT)) ** _TILTED
+        # numpy's power takes ten times as long.
+        shared *= tilts * tilts * tilts
         return shared
 
     def as_far(self, others: "Pieces", most: float = MAX_WAY) -> NDArray[np.bool_]:

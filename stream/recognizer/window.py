@@ -108,6 +108,8 @@ class RowSmoother:
         starts = np.searchsorted(self._times[len(self._times) - kept :], too_old, side="right")
         for index, start in enumerate(starts.tolist()):
             np.mean(self._rows[start : before + index + 1], axis=0, out=rows[index])
+        # Rows that are too old now are too old for all that come.
+        self._rows = self._rows[starts.item(-1) :]
 
     def _estimate(self, first: int) -> None:
         """Update the estimate by the second differences from one kept row on."""

@@ -14,7 +14,7 @@ keeps the directions in which the windows then vary most.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,27 +67,8 @@ class Metric:
         return placed
 
 
-class Lessons(NamedTuple):
-    """The classes and persons of the windows from which a metric is learned.
-
-    Attributes
-    ----------
-    classes, people
-        Index of the class and of the person of each window, both of shape (windows,).
-    """
-
-    classes: NDArray[np.intp]
-    people: NDArray[np.intp]
-
-    @property
-    def shared(self) -> list[NDArray[np.intp]]:
-        """The windows of each class that at least two persons perform."""
-        each = [np.flatnonzero(self.classes == index) for index in np.unique(self.classes)]
-        return [own for own in each if len(np.unique(self.people[own])) > 1]
-
-
 def learned_metric(
-    numbers: NDArray[np.float64], lessons: Lessons, *, shrinkage: float, kept: int, apart: float = 1.0
+    numbers: NDArray[np.float64], whose: NDArray[np.intp], *, shrinkage: float, kept: int, apart: float = 1.0
 ) -> Metric:
     """Learn a metric from windows of several people.
 
@@ -95,8 +76,9 @@ def learned_metric(
     ----------
     numbers
         Shape (windows, numbers).
-    lessons
-        Their classes and persons. When no two persons share a class, the axes are principal axes.
+    whose
+        The class and the person of each, shape (windows, 2). When no two persons share a class, the axes are principal
+        axes.
     shrinkage
         0 to 1; at 1 the scatter is not used.
     kept
@@ -111,13 +93,14 @@ def learned_metric(
     origin = numbers.mean(axis=0)
     reduced, back = _reduced(numbers - origin)
     axes = _principal(reduced, kept)
-    shared = lessons.shared
-    differences = _differences(reduced @ axes, reduced, lessons, shared) if shared else reduced
+    classes = [np.flatnonzero(whose[:, 0] == each) for each in np.unique(whose[:, 0])]
+    shared = [own for own in classes if len(np.unique(whose[own, 1])) > 1]
+    differences = _differences(reduced @ axes, reduced, whose[:, 1], shared) if shared else reduced
     # Persons whose recordings are the same, number for number, teach nothing.
     if shrinkage < 1 and shared and differences.any():
         for _ in range(_ROUNDS):
             axes = _whitened_axes(differences, reduced, shrinkage, kept)
-            differences = _differences(reduced @ axes, reduced, lessons, shared)
+            differences = _differences(reduced @ axes, reduced, whose[:, 1], shared)
     square = float(np.square(differences @ axes).sum(axis=1).mean())
     axes = axes * np.sqrt((1.0 if shared else apart) / square) if square > 0 else axes
     # Axes of half precision, as a library's file keeps them.
@@ -166,7 +149,7 @@ def _whitened_axes(
 def _differences(
     vectors: NDArray[np.float64],
     numbers: NDArray[np.float64],
-    lessons: Lessons,
+    people: NDArray[np.intp],
     shared: list[NDArray[np.intp]],
 ) -> NDArray[np.float64]:
     """Take each window's difference to the nearest of its class by another person; classes weigh the same."""
@@ -175,7 +158,7 @@ def _differences(
     for own in shared:
         for some in np.split(own, range(_AT_ONCE, len(own), _AT_ONCE)):
             squared = squared_distances(vectors[some], vectors[own])
-            squared[lessons.people[some][:, None] == lessons.people[own]] = np.inf
+            squared[people[some][:, None] == people[own]] = np.inf
             nearest = own[squared.argmin(axis=1)]
             differences.append((numbers[some] - numbers[nearest]) * np.sqrt(count / len(own)))
     return np.concatenate(differences)
@@ -334,7 +317,9 @@ class Comparison:
         return replace(self, groups=groups)
 
     @classmethod
-    def learned(cls, weighing: Weighing, numbers: Mapping[Part, NDArray[np.float64]], lessons: Lessons) -> "Comparison":
+    def learned(
+        cls, weighing: Weighing, numbers: Mapping[Part, NDArray[np.float64]], whose: NDArray[np.intp]
+    ) -> "Comparison":
         """Learn the metrics from windows of known classes and people.
 
         Parameters
@@ -343,13 +328,13 @@ class Comparison:
             The groups and their weights.
         numbers
             The numbers of each part, (windows, numbers).
-        lessons
-            The class and the person of each window.
+        whose
+            The class and the person of each window, as numbers, shape (windows, 2).
         """
         parts = {
             part: learned_metric(
                 _as_vectors(part, numbers),
-                lessons,
+                whose,
                 shrinkage=_EIGEN_SHRINKAGE if part.kind is Kind.EIGEN else _PART_SHRINKAGE,
                 kept=_PART_AXES,
             )
@@ -362,7 +347,7 @@ class Comparison:
                 groups.append(None)
                 continue
             joined = np.concatenate([vectors[part] for part in group], axis=-1, dtype=np.float64)
-            metric = learned_metric(joined, lessons, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES, apart=_APART)
+            metric = learned_metric(joined, whose, shrinkage=_GROUP_SHRINKAGE, kept=MAX_AXES, apart=_APART)
             groups.append(metric)
         return cls(weighing, parts, tuple(groups))
 

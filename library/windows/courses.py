@@ -133,7 +133,7 @@ class Pieces(NamedTuple):
     def shared(self, others: "Pieces") -> Floats:
         """Give the products of ways, of widths and of tilts, by which costs are divided: shape (pieces, others)."""
         ways, widths = self.ways @ others.ways.T, self.widths @ others.widths.T
-        tilts = np.clip(self.tilts @ others.tilts.T / _ALIKE, _LEAST_PRODUCT, 1.0)
+        tilts = np.minimum(np.maximum(self.tilts @ others.tilts.T / _ALIKE, _LEAST_PRODUCT), 1.0)
         shared: Floats = np.maximum(ways, _LEAST_PRODUCT) * np.maximum(widths, _LEAST_PRODUCT)
         # numpy's power takes ten times as long.
         shared *= tilts * tilts * tilts

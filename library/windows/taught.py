@@ -23,7 +23,6 @@ from kinespace.library.windows.comparison import (
     MAX_AXES,
     WITHIN_LABORATORY,
     Comparison,
-    Lessons,
     Metric,
     Weighing,
 )
@@ -74,7 +73,7 @@ def taught_by(
     basis = learned_basis(teacher, weighted=not weighing.by_products)
     lessons = Measured.of(teacher, EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS)
     cut = cut_windows(lessons.clips, lessons.ends, Body.of(teacher.skeleton), basis, weighing)
-    comparison = Comparison.learned(weighing, cut[0], _lessons(teacher, lessons.motions))
+    comparison = Comparison.learned(weighing, cut[0], _whose(teacher)[lessons.motions])
     # Only where all parts have one metric is the library's laboratory that of the feed.
     if names and _has_head(teacher) and None not in comparison.groups:
         return basis, comparison, _learned_head(teacher, basis, comparison, lessons, cut), cut
@@ -119,11 +118,10 @@ def learned_basis(library: MotionLibrary, *, weighted: bool = True) -> Basis:
     return Basis.learned(measured, Body.of(library.skeleton), weighted=weighted)
 
 
-def _lessons(library: MotionLibrary, motions: NDArray[np.intp]) -> Lessons:
-    """Give each window's class and person; each motion without a named person counts as a person of its own."""
-    _, classes = np.unique([clip.class_name for clip in library.motions], return_inverse=True)
-    _, people = np.unique([clip.actor for clip in library.motions], return_inverse=True)
-    return Lessons(classes[motions], people[motions])
+def _whose(library: MotionLibrary) -> NDArray[np.intp]:
+    """Give each motion's class and person, as numbers, shape (motions, 2)."""
+    named = zip(*((clip.class_name, clip.actor) for clip in library.motions), strict=True)
+    return np.array([np.unique(each, return_inverse=True)[1] for each in named]).T
 
 
 def _has_head(library: MotionLibrary) -> bool:

@@ -11,7 +11,7 @@ which never comes by chance.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -85,12 +85,6 @@ class Hysteresis:
         self.current: str | None = None
         self._leader: str | None = None
         self._lead = 0.0
-
-    def keep(self, names: Collection[str]) -> None:
-        """Forget all but these names."""
-        self.current = self.current if self.current in names else None
-        if self._leader not in names:
-            self._leader, self._lead = None, 0.0
 
     def push(self, leader: str, pace: float, elapsed: float) -> bool:
         """Take in which name is in front.
@@ -198,7 +192,6 @@ class Decision:
     def exchange(self, index: WindowIndex, settings: Settings, order: Sequence[str], time: float) -> Event | None:
         """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone."""
         self._answer_with(index, settings, order)
-        self._guess.keep(index.classes)
         return self.events.exchange(self.classes, needed_lead(index.library, settings), time)
 
     def push(self, frame: Frame, window: Window, joints: Joints, look: Look) -> Recognition:
@@ -329,7 +322,6 @@ class Events:
         self._event.needed = lead
         if self.going_on and self.going_on.label not in classes:
             return self.end(time)
-        self._event.keep({*classes, _NONE})
         if self.going_on:
             self.going_on = replace(self.going_on, index=classes.index(self.going_on.label))
         return None

@@ -29,9 +29,9 @@
 /* Directions of the largest basis, and vectors that are iterated together. */
 #define DIRECTIONS 32
 #define NEAR 8
-/* Products after which, and at most, the residuals are looked at; and the residual that is none, when the trace is 1. */
+/* Products after which the residuals are looked at, products at most, and the residual that is none, when the trace is 1. */
 #define TURNS 7
-#define MAX_TURNS 11
+#define MAX_TURNS 21
 #define NO_RESIDUAL 1e-9
 /* Rounds of rotations at most, and the share of the diagonal that is none. */
 #define MAX_ROUNDS 30
@@ -397,7 +397,7 @@ FOR_EACH_PROCESSOR static int iterate(const double (*restrict matrix)[DIRECTIONS
             return 0;
         }
         multiply(matrix, vectors, images);
-        if (turn == TURNS || turn == MAX_TURNS) {
+        if (turn % TURNS == 0) {
             double left = trace, largest = 0.0;
             for (int a = 0; a < NEAR; a++) {
                 for (int b = 0; b < NEAR; b++) {

@@ -435,7 +435,7 @@ class _Sums:
     floor
         Variance that counts as none.
     near
-        The leading eigenvectors that were read last, or zeros, shape (NEAR, width).
+        The leading eigenvectors that were read last, or some others, shape (NEAR, width).
     """
 
     def __init__(self, seconds: float, shape: tuple[int, ...]) -> None:
@@ -444,12 +444,12 @@ class _Sums:
         self.first, self.second = np.zeros((2, shape[-1])), np.zeros(shape)
         self.sums = self.reference, self.clock, self.first, self.second
         self.floor = self._drift = 0.0
+        self.near = np.eye(NEAR, shape[-1])
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows."""
         self.begin = self.end = 0
-        self.near = np.zeros((NEAR, len(self.reference)))
 
     def follow(self, times: Numbers, rows: Numbers, end: int) -> None:
         """Follow the rows up to before one of them."""
@@ -559,7 +559,7 @@ def read_points(  # noqa: PLR0913, PLR0917 - sums, and the last eigenvectors
     """Give the leading eigenpairs of points whose sums are `_Sums`, (NEAR,) and (NEAR, directions), fewer if there are.
 
     Behind them come the eigen part with so many of them, (eigenvectors, directions), and the covariance's trace. `near`
-    are the eigenvectors of a covariance much like it, or zeros.
+    are the eigenvectors of a covariance much like it, or any others.
     """
     covariance = covariance_of(clock, first, second, floor)
     values, columns = leading_eigenvectors(covariance, NEAR)

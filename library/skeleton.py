@@ -174,12 +174,8 @@ class Skeleton:
         Raises
         ------
         SkeletonMismatchError
-            Joints, their order or the measured pairs differ. Parents are not compared, because distances do not depend
-            on them.
+            Joints or their order differ. Parents are not compared, because distances do not depend on them.
         """
-        if self.joints != other.joints or not np.array_equal(self.pairs, other.pairs):
-            raise SkeletonMismatchError(
-                f"skeleton: expected {len(self.joints)} joints and {len(self.pairs)} pairs "
-                f"({self.joints[0]} ... {self.joints[-1]}), got {len(other.joints)} joints and "
-                f"{len(other.pairs)} pairs ({other.joints[0]} ... {other.joints[-1]})"
-            )
+        if self.joints != other.joints:
+            own, others = (f"{len(each)} joints ({each[0]} ... {each[-1]})" for each in (self.joints, other.joints))
+            raise SkeletonMismatchError(f"skeleton: expected {own}, got {others}")

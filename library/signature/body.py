@@ -67,12 +67,12 @@ class Body:
 def _segments_above(parents: tuple[int, ...], children: list[int]) -> NDArray[np.bool_]:
     """Find the segments between each joint and the root, as flags, shape (joints, segments)."""
     above = np.zeros((len(parents), len(children)), dtype=bool)
+    if len(children) != len(parents) - 1:
+        raise ValueError(f"skeleton: expected parents that make one tree, got {parents}")
     place = {joint: index for index, joint in enumerate(children)}
     for joint in range(len(parents)):
         step = joint
-        while parents[step] >= 0 and not above[joint, place[step]]:
+        while parents[step] >= 0:
             above[joint, place[step]] = True
             step = parents[step]
-        if parents[step] >= 0 or len(children) != len(parents) - 1:
-            raise ValueError(f"skeleton: expected parents that make one tree, got {parents}")
     return above

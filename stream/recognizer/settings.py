@@ -18,7 +18,7 @@ SENSITIVITY_OWN = 0.2
 #: classes do (tests/TRIED.md).
 SENSITIVITY_CAMERA = 0.025
 #: The same where each class has a single motion: share of everyday movement.
-SENSITIVITY_ONE = 0.075
+SENSITIVITY_ONE = 0.07
 #: Lead that a class needs before a start event.
 LEAD_USUAL = 3.0
 #: The same in a library of one person that learned what is unknown from its own classes: one example of each shows less
@@ -55,7 +55,7 @@ class Settings:
     sensitivity
         Share of the time of unknown motions that may be answered with a class. The library estimates it from the
         motions that taught it what is unknown; None is 0.05 where strangers' motions did (`kinespace learn`), and 0.2
-        where its own classes did, each left out in turn, which are harder to distinguish; 0.075 where each has
+        where its own classes did, each left out in turn, which are harder to distinguish; 0.07 where each has
         a single motion, 0.025 where they are of several persons before cameras. A larger share answers more, of known
         and of unknown motions. WINDOWS only.
     hop

@@ -356,7 +356,7 @@ def test_settings_at_their_bounds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("actors", "sensitivity", "lead"), [(["a", "a"], 0.2, 3.6), ([""], 0.075, 3.6), (["a", "b"], 0.2, 3.0)]
+    ("actors", "sensitivity", "lead"), [(["a", "a"], 0.2, 3.6), ([""], 0.07, 3.6), (["a", "b"], 0.2, 3.0)]
 )
 def test_a_small_library_names_less_and_starts_later(
     actors: Sequence[str], sensitivity: float, lead: float, builtin: MotionLibrary

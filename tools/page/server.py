@@ -34,7 +34,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from kinespace.library import MotionLibrary, library_file
+from kinespace.library import MotionLibrary
 from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.teaching.commands import State, Step, as_json
@@ -207,13 +207,12 @@ def motions_at(path: Path) -> Mapping[str, object]:
 
     There is none where no library can be read. The file is read again when it changes.
     """
-    # A new example lies in a file of its own until it is quiet.
-    return _motions_since(path, _written(path), _written(library_file.beside(path, "new")))
+    return _motions_since(path, _written(path))
 
 
 # Of the two libraries that a page may have.
 @lru_cache(maxsize=2)
-def _motions_since(path: Path, *_: float) -> Mapping[str, object]:
+def _motions_since(path: Path, _: float) -> Mapping[str, object]:
     # Nothing was taught yet, or nobody wants a library.
     with suppress(OSError, ValueError):
         return _motions_of(library_at(path))

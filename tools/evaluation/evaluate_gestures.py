@@ -17,7 +17,7 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
-from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for_report
+from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.harness import Take, written
@@ -142,9 +142,7 @@ def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, capt
     if options.answers:
         require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))
-    if options.json:
-        print_json({**scores, "so_far": so_far, **further, **basis})
-        return
     rows = [{"name": kind, **score, "interval": interval(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
-    print_scores(rows, COLUMNS, title=title, caption=caption)
+    found = {**scores, "so_far": so_far, **further, **basis}
+    tell(options, found, scores_of(rows, COLUMNS, title=title, caption=caption))

@@ -24,7 +24,7 @@ from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.cli.console import counted, print_json, print_scores, progress
+from kinespace.tools.cli.console import counted, progress, scores_of, tell
 from kinespace.tools.evaluation import harness
 
 #: Shares of a motion that are seen.
@@ -77,12 +77,10 @@ def run(options: argparse.Namespace) -> None:
     methods = {"kinespace": Method(MotionClassifier, list, learns_whole=True)} | ({} if options.alone else _peers())
     compared = progress([*methods], "Comparing", len(methods))
     rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
-    if options.json:
-        print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
-        return
     whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"
-    print_scores(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption)
+    found = {"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows}
+    tell(options, found, scores_of(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption))
 
 
 def _motions(options: argparse.Namespace) -> list[Clip]:

@@ -174,7 +174,7 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
         f"{console.counted(len(persons), 'person') if persons else 'unknown persons'}"
     )
     title = "Of how many motions is the nearest neighbour of their class?"
-    console.print_scores(written, _COLUMNS, title=title, caption=seconds, names=2)
+    console.console.print(console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2))
 
 
 def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> None:

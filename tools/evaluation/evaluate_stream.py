@@ -16,7 +16,7 @@ from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, report_path, settings_of
-from kinespace.tools.cli.console import print_json, progress, require_place_for_report
+from kinespace.tools.cli.console import progress, require_place_for_report, tell
 from kinespace.tools.evaluation import harness, stream_score
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
@@ -60,12 +60,12 @@ def run(options: argparse.Namespace) -> None:
         stream_score.write_rows(options.answers, stream_score.answer_rows(courses, classes))
     if options.segments:
         stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
-    if options.json:
-        print_json(score.as_json(by_person=by_person) | ({"persons": persons, **_over(persons)} if persons else {}))
-        return
-    stream_score.print_score(score, by_person=by_person)
+    found = score.as_json(by_person=by_person)
+    tables = [*stream_score.tables_of(score, found, "95 %, by person" if by_person else "95 %")]
     if persons:
-        stream_score.print_persons(persons, _over(persons), harness.protocol_of(options))
+        found |= {"persons": persons, **_over(persons)}
+        tables.append(stream_score.table_of_persons(persons, _over(persons), harness.protocol_of(options)))
+    tell(options, found, *tables)
 
 
 def course(

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind, Outcome, Recognition
-from kinespace.tools.cli.console import console, counted, csv_text, print_scores, table_of
+from kinespace.tools.cli.console import counted, csv_text, scores_of, table_of
 from kinespace.tools.evaluation.bootstrap import Figure, Interval, Percentile, Ratio, RocArea, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Protocol, Take, written
 
@@ -392,7 +393,7 @@ class StreamScore:
     Attributes
     ----------
     figures
-        By name; `print_score` says of each what it is. Shares are 0 to 1.
+        By name; `tables_of` says of each what it is. Shares are 0 to 1.
     classes
         Of each class performed, the seconds, and the shares of its time guessed right, and right with the last second
         inside the segment.
@@ -412,7 +413,7 @@ class StreamScore:
         """The value of each figure; None where there is nothing to take a share of."""
         return values_of(self.figures)
 
-    def as_json(self, *, by_person: bool = False) -> dict[str, object]:
+    def as_json(self, *, by_person: bool = False) -> dict[str, Any]:
         """Give values, classes, bases, and the 95 % interval of each figure (`Figure.interval`)."""
         bases = {"known": self.known, "unknown": self.unknown, "containing": self.containing}
         intervals = intervals_of(self.figures, by_person=by_person)
@@ -542,8 +543,8 @@ _CLASSES = "class {name} | seconds {seconds:.1f} | right {right:.1%} | right, la
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
-def print_score(score: StreamScore, *, by_person: bool = False) -> None:
-    """Print the figures with their intervals (`Figure.interval`) and their basis, and each class's result."""
+def tables_of(score: StreamScore, found: Mapping[str, Any], headed: str) -> Iterator[Table]:
+    """Draw what `StreamScore.as_json` has found: figures, intervals (below `headed`), basis, each class's result."""
     rows = list[tuple[str, ...]]()
     for heading, basis, unit, figures in (
         ("known motions", score.known, "segment", _KNOWN),
@@ -554,22 +555,20 @@ def print_score(score: StreamScore, *, by_person: bool = False) -> None:
         if basis["segments"]:
             rows.append((f"{heading}: {rests_on(basis, unit)}" if unit else heading,))
             for name, (text, form) in figures.items():
-                ends = interval(score.figures[name].interval(by_person=by_person), form)
-                rows.append((f"  {text}", written(score.values[name], form), ends))
-    headings = "", "", "95 %, by person" if by_person else "95 %"
-    console.print(table_of("Answers against the motion performed at that moment", headings, rows))
+                rows.append((f"  {text}", written(found[name], form), interval(found["intervals"][name], form)))
+    yield table_of("Answers against the motion performed at that moment", ("", "", headed), rows)
     if score.classes:
-        print_scores(({"name": name, **each} for name, each in score.classes.items()), _CLASSES, title="By class")
+        yield scores_of(({"name": name, **each} for name, each in score.classes.items()), _CLASSES, title="By class")
 
 
-def print_persons(
+def table_of_persons(
     persons: Mapping[str, Mapping[str, float | None]], summary: Mapping[str, Mapping[str, float | None]], by: Protocol
-) -> None:
-    """Print every person's main figures, their mean, and the worst of each."""
+) -> Table:
+    """Draw every person's main figures, their mean, and the worst of each."""
     shown = [name for name in _SHOWN_OF_PERSONS if summary["mean"][name] is not None]
     texts = _KNOWN | _UNKNOWN | _CONTAINING
     rows = [(person, *(written(figures[name]) for name in shown)) for person, figures in {**persons, **summary}.items()]
-    console.print(table_of(f"By person ({by})", ("person", *(texts[name][0] for name in shown)), rows))
+    return table_of(f"By person ({by})", ("person", *(texts[name][0] for name in shown)), rows)
 
 
 def interval(ends: Interval | None, form: str = _SHARE) -> str:

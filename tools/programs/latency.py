@@ -17,7 +17,7 @@ from rich.table import Table
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
-from kinespace.tools.cli.console import console, print_json, table_of
+from kinespace.tools.cli.console import table_of, tell
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, without_pause
 
@@ -152,10 +152,7 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
     settings = settings_of(options)
     found = [measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings) for each in transports]
-    if options.json:
-        print_json(found[0].as_json())
-    else:
-        console.print(table_for(found))
+    tell(options, found[0].as_json(), table_for(found))
 
 
 def table_for(latencies: Sequence[Latency]) -> Table:

@@ -19,9 +19,8 @@ from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import add_shared, settings_of, several
 from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.harness import Feed, Take
-from kinespace.tools.evaluation.stream_score import basis_of, counted_in, rests_on
+from kinespace.tools.evaluation.scores import Ratio, basis_of, counted_in, rests_on, values_of
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]

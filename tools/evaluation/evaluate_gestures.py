@@ -19,9 +19,8 @@ from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.harness import Take, written
-from kinespace.tools.evaluation.stream_score import basis_of, interval, rests_on, write_rows
+from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 

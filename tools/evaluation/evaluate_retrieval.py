@@ -22,9 +22,8 @@ from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, 
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
-from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
-from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
+from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, intervals_of, values_of, write_rows
 
 _COLUMNS = (
     "compared {space} {signature} | protocol {protocol} | motions {motions} | nearest {nearest:.1%} | 95 % {sure} | "

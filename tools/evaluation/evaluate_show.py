@@ -23,9 +23,9 @@ from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.evaluate_gestures import add_report, report
 from kinespace.tools.evaluation.harness import Sources, read_takes
+from kinespace.tools.evaluation.scores import Ratio
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.lessons import open_taught

@@ -20,8 +20,8 @@ from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.harness import Take
+from kinespace.tools.evaluation.scores import Percentile, Ratio, values_of
 from kinespace.tools.feeding.feed import resampled
 
 #: A motion, and the name of the recording that it was cut from.

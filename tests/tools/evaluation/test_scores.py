@@ -21,10 +21,19 @@ from kinespace.library import NOTHING, MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
-from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.harness import Asked, Feed, Protocol, Take, asked_by
-from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
+from kinespace.tools.evaluation.scores import (
+    LASTING,
+    NONE,
+    Course,
+    Figure,
+    Percentile,
+    Ratio,
+    RocArea,
+    course_of,
+    score_courses,
+)
 from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
 CLASSES = ("bow", "jump", "wave")

@@ -14,7 +14,7 @@ from kinespace.library import Clip, MotionLibrary, Skeleton, library_file
 from kinespace.stream.teaching import Step
 from kinespace.stream.teaching.examples import Example, Roster
 from kinespace.tools.cli.console import require_place_for
-from kinespace.tools.teaching.roster_file import RosterFile
+from kinespace.tools.teaching.lessons import RosterFile
 
 
 @pytest.fixture
@@ -140,7 +140,7 @@ def test_a_new_example_is_in_the_file_at_once(tmp_path: Path, motion: Clip, monk
         until(lambda: not file.has_unsaved)
         assert len(MotionLibrary.load(path)) == 3
         assert path.stat().st_size > 2 * packed
-        monkeypatch.setattr("kinespace.tools.teaching.roster_file._QUIET", 0.0)
+        monkeypatch.setattr("kinespace.tools.teaching.lessons._QUIET", 0.0)
         file.save(roster.renamed("bow", "dip"))
         until(lambda: path.stat().st_size < 2 * packed)
         assert MotionLibrary.load(path).classes == ("dip", "kick", "wave")

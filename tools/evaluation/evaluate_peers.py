@@ -26,6 +26,7 @@ from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.cli.console import counted, progress, scores_of, tell
 from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.evaluate_show import turn
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0
@@ -127,19 +128,13 @@ def _upright(clip: Clip, frames: int) -> NDArray[np.float64]:
     left_shoulder, right_shoulder, left_hip, right_hip = positions[0, corners]
     across = left_shoulder - right_shoulder + left_hip - right_hip
     middle = positions[:, corners[2:]].mean(axis=1, keepdims=True)
-    own: NDArray[np.float64] = (positions - middle) @ _turn(-np.arctan2(across[2], across[0]))
+    own: NDArray[np.float64] = (positions - middle) @ turn(-np.arctan2(across[2], across[0]))
     return own / own_path(positions, clip.skeleton)[1]
-
-
-def _turn(angle: float) -> NDArray[np.float64]:
-    """Give the matrix by which rows of positions are turned about the vertical, y."""
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
 def _elsewhere(clip: Clip, draw: np.random.Generator) -> Clip:
     """Turn a body and place it elsewhere, within two metres."""
-    turned = clip.positions @ _turn(draw.uniform(0, 2 * np.pi)) + draw.uniform(-2, 2, 3) * (1, 0, 1)
+    turned = clip.positions @ turn(draw.uniform(0, 2 * np.pi)) + draw.uniform(-2, 2, 3) * (1, 0, 1)
     return replace(clip, positions=turned)
 
 

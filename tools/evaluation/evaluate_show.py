@@ -259,6 +259,12 @@ def on_bones(
     return laid
 
 
+def turn(angle: float) -> NDArray[np.float64]:
+    """Give the matrix by which rows of positions are turned about the vertical axis, y."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
 def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: int) -> NDArray[np.float64]:
     """Turn and move a piece about the vertical axis, y, so that it begins where a posture stands, facing as it does.
 
@@ -273,8 +279,7 @@ def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: 
     """
     (ax, _, az), (bx, _, bz) = (before - before[root]).T, (positions[0] - positions[0, root]).T
     angle = np.arctan2((ax * bz - az * bx).sum(), (ax * bx + az * bz).sum())
-    cos, sin = np.cos(angle), np.sin(angle)
-    turned = (positions - positions[0, root]) @ np.array([[cos, 0, -sin], [0, 1, 0], [sin, 0, cos]])
+    turned = (positions - positions[0, root]) @ turn(-angle)
     moved: NDArray[np.float64] = turned + np.array([before[root, 0], positions[0, root, 1], before[root, 2]])
     return moved
 

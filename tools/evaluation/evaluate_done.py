@@ -12,7 +12,7 @@ import numpy as np
 
 from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
-from kinespace.tools.cli.arguments import add_shared, settings_of
+from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
@@ -34,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_asked(parser)
     parser.add_argument("--promises", action="store_true", help="compare the promises 1, 6, 60 and 600 an hour")
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import add_shared, settings_of, several
+from kinespace.tools.cli.arguments import settings_of, several
 from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Feed, Take
@@ -170,7 +170,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     harness.add_asked(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"
     parser.add_argument("--fault", **several(str, "FAULT"), choices=[*FAULTS], help=text)
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:

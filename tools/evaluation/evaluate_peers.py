@@ -23,7 +23,6 @@ from kinespace.library.signature.own_frame import at_steps, corners_of, own_path
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
-from kinespace.tools.cli.arguments import add_shared
 from kinespace.tools.cli.console import counted, progress, scores_of, tell
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_show import turn
@@ -63,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the built-in library's motions")
     parser.add_argument("--alone", action="store_true", help="without the peers, which need the extra `peers`")
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:

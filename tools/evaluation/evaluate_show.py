@@ -23,7 +23,7 @@ from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.evaluate_gestures import add_report, report
+from kinespace.tools.evaluation.evaluate_gestures import add_answers, report
 from kinespace.tools.evaluation.harness import Sources, read_takes
 from kinespace.tools.evaluation.scores import Ratio
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
@@ -74,7 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of what is drawn (default %(default)s)")
     arguments.add_reading(parser)
     arguments.add_settings(parser)
-    add_report(parser)
+    arguments.add_shared(parser, "--json")
+    add_answers(parser)
 
 
 def run(options: argparse.Namespace) -> None:

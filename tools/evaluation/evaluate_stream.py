@@ -15,7 +15,7 @@ from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import add_shared, report_path, settings_of
+from kinespace.tools.cli.arguments import report_path, settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, tell
 from kinespace.tools.evaluation import harness, scores
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
@@ -37,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"
     parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.stream.teaching.movement import moved_in
-from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
+from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
 from kinespace.tools.evaluation import harness
@@ -77,7 +77,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "ask each motion again with its class left out: how much of its time is named all the same?"
     parser.add_argument("--left-out", action="store_true", help=text)
     add_settings(parser)
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:

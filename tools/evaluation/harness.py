@@ -351,13 +351,13 @@ class Feed(NamedTuple):
 
 
 def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
-    """Add the options for takes; `usual` says what is played when there are none."""
+    """Add the options for takes, and for JSON; `usual` says what is played when there are none."""
     text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     arguments.add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
     arguments.add_reading(parser)
-    arguments.add_shared(parser, "--actor-in")
+    arguments.add_shared(parser, "--actor-in", "--json")
     arguments.add_subjects(parser)
     parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")

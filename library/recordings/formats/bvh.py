@@ -6,7 +6,7 @@ offset, as in MotionBuilder and Blender; where they are mostly small against it 
 write position channels of nothing, or of noise. An End Site is a joint like any other, called after its parent with
 `_end`. A joint that always coincides with its parent, or with an earlier child of its parent, is left out.
 
-The file names no unit; `library.recordings.formats.units.guessed_metres` guesses it.
+The file names no unit; `library.recordings.formats.measures.guessed_metres` guesses it.
 """
 
 import math
@@ -28,7 +28,7 @@ from kinespace.library.recordings.formats.errors import Line, RecordingError, me
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
 from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
-from kinespace.library.recordings.formats.units import guessed_metres
+from kinespace.library.recordings.formats.measures import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation|scale)", re.IGNORECASE)

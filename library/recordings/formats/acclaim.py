@@ -22,9 +22,9 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.joint_choice import few
+from kinespace.library.recordings.formats.measures import with_missing_frames
 from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
-from kinespace.library.recordings.formats.measures import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 
 METRES_PER_INCH = 0.0254

@@ -26,9 +26,9 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, mended, number_of, numbers_in, refuse
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
+from kinespace.library.recordings.formats.measures import guessed_metres
 from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
-from kinespace.library.recordings.formats.measures import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation|scale)", re.IGNORECASE)

@@ -33,9 +33,9 @@ from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
+from kinespace.library.recordings.formats.measures import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
-from kinespace.library.recordings.formats.measures import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.

@@ -22,6 +22,7 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
+from kinespace.tools.evaluation.evaluate_teach import Reply, scored
 from kinespace.tools.evaluation.harness import Asked, Feed, Protocol, Take, asked_by
 from kinespace.tools.evaluation.scores import (
     LASTING,
@@ -291,6 +292,15 @@ def test_what_a_take_contains_somewhere_is_not_false() -> None:
     assert second["takes_found"] is None
     assert second["unknown_hours"] == pytest.approx(CLIP.duration / 3600)
     assert second["false_per_hour"] == pytest.approx(3600 / CLIP.duration)
+
+
+def test_every_number_of_examples_has_a_place_in_the_figures_of_teaching() -> None:
+    """Where nobody could ask there is no figure: by one example one of four answers named a class that was left out."""
+    reply = Reply(CLIP, ("bow",), 0.5, answers=4, named=1)
+    figures = scored({("same", 1): [reply], ("unknown same", 1): [reply]}, [1, 2])
+    assert {len(each) for each in figures.values()} == {2}
+    assert (figures["same_first_right"], figures["unknown_named"]) == ([1.0, None], [0.25, None])
+    assert "unknown_named" not in scored({("same", 1): [reply]}, [1, 2])
 
 
 @pytest.mark.parametrize(("count", "right"), [(3, 0.0), (4, 1.0), (6, 1.0), (7, 0.0)])

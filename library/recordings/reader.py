@@ -18,7 +18,7 @@ from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
 from kinespace.library.recordings.formats.markers import c3d, trc
-from kinespace.library.recordings.formats.units import WORDS, metres_of
+from kinespace.library.recordings.formats.measures import WORDS, metres_of
 
 _AMC = ".amc"
 _C3D = ".c3d"

@@ -12,7 +12,7 @@ from kinespace.library import Clip, Skeleton
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import few
-from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.library.recordings.formats.measures import evened
 from kinespace.stream.feeds import Preset, builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock

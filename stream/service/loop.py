@@ -24,8 +24,7 @@ from kinespace.stream.teaching import Asked, State, Step, commands
 
 if TYPE_CHECKING:
     # A worker runs this loop itself.
-    from kinespace.stream.service.gateway import Gateway, GatewaySource
-    from kinespace.stream.service.worker import Worker
+    from kinespace.stream.service.workers import Gateway, GatewaySource, Worker
 
 #: Seconds for which a packet may wait before it is taken in. When one waited longer, all that wait are taken in, and
 #: performers are answered by turns, each by its newest frame.

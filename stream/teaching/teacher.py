@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, Skeleton
-from kinespace.library.recordings.formats.timed_frames import MAX_GAP, evened
+from kinespace.library.recordings.formats.measures import MAX_GAP, evened
 from kinespace.stream.frame import Frame
 from kinespace.stream.recognition import Event, EventKind
 from kinespace.stream.recognizer.recognizer import MAX_PAUSE

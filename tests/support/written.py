@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from synthetic import METRE, TinyBody, TinyBone, amc_text
 
-from kinespace.library.recordings.formats.units import METRES
+from kinespace.library.recordings.formats.measures import METRES
 
 TURNS = ("Zrotation", "Yrotation", "Xrotation")
 MOVES = ("Xposition", "Yposition", "Zposition")

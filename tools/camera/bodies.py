@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import Clip
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
-from kinespace.library.recordings.formats.timed_frames import evened
+from kinespace.library.recordings.formats.measures import evened
 from kinespace.library.signature.landmark_body import JOINTS, body_of
 from kinespace.stream.feeds import builtin_preset
 

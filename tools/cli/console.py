@@ -89,6 +89,15 @@ def print_json(value: object) -> None:
     print(json.dumps(value))
 
 
+def tell(options: argparse.Namespace, found: object, *shown: Table | str) -> None:
+    """Print what a program has found: one JSON value with --json, otherwise tables and lines."""
+    if options.json:
+        print_json(found)
+    else:
+        for each in shown:
+            console.print(each)
+
+
 #: Characters that a line of a heading may always have.
 _HEADING = 10
 #: How cells begin that spreadsheets take for something to compute.
@@ -141,10 +150,10 @@ class _None:
         return "-"
 
 
-def print_scores(
+def scores_of(
     scores: Iterable[Mapping[str, object]], columns: str, *, title: str, caption: str | None = None, names: int = 1
-) -> None:
-    """Print a row for each score.
+) -> Table:
+    """Make a table of a row for each score.
 
     Parameters
     ----------
@@ -159,7 +168,7 @@ def print_scores(
     headings, forms = [heading.strip() for heading, *_ in parted], [brace + form for _, brace, form in parted]
     there = ({name: _None() if value is None else value for name, value in score.items()} for score in scores)
     rows = [[form.format(**score) for form in forms] for score in there]
-    console.print(table_of(title, headings, rows, caption=caption, names=names))
+    return table_of(title, headings, rows, caption=caption, names=names)
 
 
 def counted(count: int, noun: str, several: str = "") -> str:

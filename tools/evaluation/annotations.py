@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind
 from kinespace.tools.cli.values import printable
-from kinespace.tools.evaluation.stream_score import Course
+from kinespace.tools.evaluation.scores import Course
 
 #: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
 TIERS = ("started", "done", "performed")

@@ -12,8 +12,8 @@ import numpy as np
 
 from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
-from kinespace.tools.cli.arguments import add_shared, settings_of
-from kinespace.tools.cli.console import print_json, print_scores, progress
+from kinespace.tools.cli.arguments import settings_of
+from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.harness import Asked, Take
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
@@ -34,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_asked(parser)
     parser.add_argument("--promises", action="store_true", help="compare the promises 1, 6, 60 and 600 an hour")
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -49,17 +48,16 @@ def run(options: argparse.Namespace) -> None:
     people = sorted({each.take.person for each in takes} - {""})
     persons = {name: score_done([each for each in takes if each.take.person == name]) for name in people}
     classes, last = by_class(takes), scores[-1]
-    if options.json:
-        print_json({**last, "classes": classes, "persons": persons, "promises": scores})
-        return
-    print_scores(
-        [*scores, *({"name": name, **each} for name, each in persons.items())],
-        _COLUMNS,
-        title=f"{last['segments']} motions, {last['takes']} takes with a motion; "
-        f"{last['hours'] * 60:.1f} minutes, {last['unknown_hours'] * 60:.1f} unknown",
-        caption="false an hour, 95 %: {:.1f} to {:.1f}".format(*last["false_interval"]),
+    of_persons, of_classes = ([{"name": name, **each} for name, each in by.items()] for by in (persons, classes))
+    rests_on = f"{last['segments']} motions, {last['takes']} takes with a motion; {last['hours'] * 60:.1f} minutes"
+    title = f"{rests_on}, {last['unknown_hours'] * 60:.1f} unknown"
+    caption = "false an hour, 95 %: {:.1f} to {:.1f}".format(*last["false_interval"])
+    tell(
+        options,
+        {**last, "classes": classes, "persons": persons, "promises": scores},
+        scores_of([*scores, *of_persons], _COLUMNS, title=title, caption=caption),
+        scores_of(of_classes, _OF_CLASSES, title="By class"),
     )
-    print_scores([{"name": name, **each} for name, each in classes.items()], _OF_CLASSES, title="By class")
 
 
 def done_take(asked: Asked, settings: Settings) -> DoneTake:

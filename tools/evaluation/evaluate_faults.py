@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from kinespace.library import MotionLibrary, distance_rows
 from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import add_shared, settings_of, several
-from kinespace.tools.cli.console import print_json, print_scores, progress
+from kinespace.tools.cli.arguments import settings_of, several
+from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Ratio, values_of
 from kinespace.tools.evaluation.harness import Feed, Take
-from kinespace.tools.evaluation.stream_score import basis_of, counted_in, rests_on
+from kinespace.tools.evaluation.scores import Ratio, basis_of, counted_in, rests_on, values_of
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]
@@ -171,7 +170,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     harness.add_asked(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"
     parser.add_argument("--fault", **several(str, "FAULT"), choices=[*FAULTS], help=text)
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -186,11 +184,9 @@ def run(options: argparse.Namespace) -> None:
             feed = FAULTS[fault](sound, np.random.default_rng(_SEED))
             of_fault.append(_played(each.take, feed, each.library, settings))
     scores = [_scored(fault, each) for fault, each in played.items()]
-    if options.json:
-        print_json({"faults": scores})
-    else:
-        caption = f"{rests_on(scores[0], 'segment')}; last second inside the segment"
-        print_scores(scores, _COLUMNS, title="Takes whose joints go wrong", caption=caption)
+    caption = f"{rests_on(scores[0], 'segment')}; last second inside the segment"
+    table = scores_of(scores, _COLUMNS, title="Takes whose joints go wrong", caption=caption)
+    tell(options, {"faults": scores}, table)
 
 
 def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Settings) -> _Played:

@@ -16,12 +16,11 @@ import numpy as np
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
-from kinespace.tools.cli.arguments import add_settings, add_shared, report_path, settings_of
-from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for_report
+from kinespace.tools.cli.arguments import add_settings, report_path, settings_of
+from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Ratio
 from kinespace.tools.evaluation.harness import Take, written
-from kinespace.tools.evaluation.stream_score import basis_of, interval, rests_on, write_rows
+from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -42,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "the person's own examples teach (default), the next person's, or those of all other persons"
     parser.add_argument("--taught-by", choices=["own", "next", "all"], default="own", help=text)
     add_settings(parser)
-    add_report(parser)
+    add_answers(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -127,11 +126,10 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
     return Heard(take.person, seconds, asked, said_in(answers), _SPANS, dict.fromkeys(KINDS, ends), so_far)
 
 
-def add_report(parser: argparse.ArgumentParser) -> None:
-    """Add the options for what is printed and written."""
+def add_answers(parser: argparse.ArgumentParser) -> None:
+    """Add the option for what is written."""
     text = "write every word said: person, time, kind, class, whether it is right, its segment"
     parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
-    add_shared(parser, "--json")
 
 
 def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, caption: str, **further: object) -> None:
@@ -142,9 +140,7 @@ def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, capt
     if options.answers:
         require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))
-    if options.json:
-        print_json({**scores, "so_far": so_far, **further, **basis})
-        return
     rows = [{"name": kind, **score, "interval": interval(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
-    print_scores(rows, COLUMNS, title=title, caption=caption)
+    found = {**scores, "so_far": so_far, **further, **basis}
+    tell(options, found, scores_of(rows, COLUMNS, title=title, caption=caption))

@@ -23,9 +23,9 @@ from kinespace.library.signature.own_frame import at_steps, corners_of, own_path
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
-from kinespace.tools.cli.arguments import add_shared
-from kinespace.tools.cli.console import counted, print_json, print_scores, progress
+from kinespace.tools.cli.console import counted, progress, scores_of, tell
 from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.evaluate_show import turn
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0
@@ -62,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     harness.add_sources(parser, "the built-in library's motions")
     parser.add_argument("--alone", action="store_true", help="without the peers, which need the extra `peers`")
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -77,12 +76,10 @@ def run(options: argparse.Namespace) -> None:
     methods = {"kinespace": Method(MotionClassifier, list, learns_whole=True)} | ({} if options.alone else _peers())
     compared = progress([*methods], "Comparing", len(methods))
     rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
-    if options.json:
-        print_json({"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows})
-        return
     whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"
-    print_scores(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption)
+    found = {"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows}
+    tell(options, found, scores_of(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption))
 
 
 def _motions(options: argparse.Namespace) -> list[Clip]:
@@ -129,19 +126,13 @@ def _upright(clip: Clip, frames: int) -> NDArray[np.float64]:
     left_shoulder, right_shoulder, left_hip, right_hip = positions[0, corners]
     across = left_shoulder - right_shoulder + left_hip - right_hip
     middle = positions[:, corners[2:]].mean(axis=1, keepdims=True)
-    own: NDArray[np.float64] = (positions - middle) @ _turn(-np.arctan2(across[2], across[0]))
+    own: NDArray[np.float64] = (positions - middle) @ turn(-np.arctan2(across[2], across[0]))
     return own / own_path(positions, clip.skeleton)[1]
-
-
-def _turn(angle: float) -> NDArray[np.float64]:
-    """Give the matrix by which rows of positions are turned about the vertical, y."""
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
 def _elsewhere(clip: Clip, draw: np.random.Generator) -> Clip:
     """Turn a body and place it elsewhere, within two metres."""
-    turned = clip.positions @ _turn(draw.uniform(0, 2 * np.pi)) + draw.uniform(-2, 2, 3) * (1, 0, 1)
+    turned = clip.positions @ turn(draw.uniform(0, 2 * np.pi)) + draw.uniform(-2, 2, 3) * (1, 0, 1)
     return replace(clip, positions=turned)
 
 

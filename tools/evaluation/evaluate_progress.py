@@ -20,7 +20,7 @@ from kinespace.library.signature.own_frame import at_steps
 from kinespace.stream import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP
 from kinespace.tools.cli.arguments import add_shared, count
-from kinespace.tools.cli.console import print_json, print_scores, progress
+from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation import harness
 
 #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
@@ -69,12 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Follow the motions, and print how right their progress was."""
     scores = followed(MotionLibrary.builtin(), every=options.every)
-    if options.json:
-        named = {each["played"]: each for each in scores}
-        print_json({name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores})
-    else:
-        caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
-        print_scores(scores, _COLUMNS, title="Progress, the performer's motions left out", caption=caption, names=2)
+    named = {each["played"]: each for each in scores}
+    found = {name: named[played][figure] for name, played, figure in _MAIN} | {"scores": scores}
+    caption = f"{scores[0]['motions']} motions of {scores[0]['persons']} persons"
+    title = "Progress, the performer's motions left out"
+    tell(options, found, scores_of(scores, _COLUMNS, title=title, caption=caption, names=2))
 
 
 def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object]]:

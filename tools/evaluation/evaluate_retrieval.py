@@ -22,9 +22,8 @@ from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, 
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
-from kinespace.tools.evaluation.bootstrap import Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
-from kinespace.tools.evaluation.stream_score import basis_of, interval, write_rows
+from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, intervals_of, values_of, write_rows
 
 _COLUMNS = (
     "compared {space} {signature} | protocol {protocol} | motions {motions} | nearest {nearest:.1%} | 95 % {sure} | "
@@ -174,7 +173,7 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
         f"{console.counted(len(persons), 'person') if persons else 'unknown persons'}"
     )
     title = "Of how many motions is the nearest neighbour of their class?"
-    console.print_scores(written, _COLUMNS, title=title, caption=seconds, names=2)
+    console.console.print(console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2))
 
 
 def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> None:

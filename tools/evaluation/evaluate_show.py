@@ -23,9 +23,9 @@ from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Ratio
-from kinespace.tools.evaluation.evaluate_gestures import add_report, report
+from kinespace.tools.evaluation.evaluate_gestures import add_answers, report
 from kinespace.tools.evaluation.harness import Sources, read_takes
+from kinespace.tools.evaluation.scores import Ratio
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.lessons import open_taught
@@ -74,7 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of what is drawn (default %(default)s)")
     arguments.add_reading(parser)
     arguments.add_settings(parser)
-    add_report(parser)
+    arguments.add_shared(parser, "--json")
+    add_answers(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -259,6 +260,12 @@ def on_bones(
     return laid
 
 
+def turn(angle: float) -> NDArray[np.float64]:
+    """Give the matrix by which rows of positions are turned about the vertical axis, y."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
 def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: int) -> NDArray[np.float64]:
     """Turn and move a piece about the vertical axis, y, so that it begins where a posture stands, facing as it does.
 
@@ -273,8 +280,7 @@ def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: 
     """
     (ax, _, az), (bx, _, bz) = (before - before[root]).T, (positions[0] - positions[0, root]).T
     angle = np.arctan2((ax * bz - az * bx).sum(), (ax * bx + az * bz).sum())
-    cos, sin = np.cos(angle), np.sin(angle)
-    turned = (positions - positions[0, root]) @ np.array([[cos, 0, -sin], [0, 1, 0], [sin, 0, cos]])
+    turned = (positions - positions[0, root]) @ turn(-angle)
     moved: NDArray[np.float64] = turned + np.array([before[root, 0], positions[0, root, 1], before[root, 2]])
     return moved
 

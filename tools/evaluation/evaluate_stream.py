@@ -15,9 +15,9 @@ from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import add_shared, report_path, settings_of
-from kinespace.tools.cli.console import print_json, progress, require_place_for_report
-from kinespace.tools.evaluation import harness, stream_score
+from kinespace.tools.cli.arguments import report_path, settings_of
+from kinespace.tools.cli.console import progress, require_place_for_report, tell
+from kinespace.tools.evaluation import harness, scores
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
 
@@ -37,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"
     parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -52,25 +51,25 @@ def run(options: argparse.Namespace) -> None:
     without = Kind(options.without_part) if options.without_part else None
     settings, played = settings_of(options), progress(asked, "Replaying", len(asked))
     courses = [course(each.take, _compared(each.library, without), classes, settings) for each in played]
-    score = stream_score.score_courses(courses, classes, harness.INSIDE)
+    score = scores.score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
     if annotates:
         write_annotations(options.answers, courses)
     elif options.answers:
-        stream_score.write_rows(options.answers, stream_score.answer_rows(courses, classes))
+        scores.write_rows(options.answers, scores.answer_rows(courses, classes))
     if options.segments:
-        stream_score.write_rows(options.segments, stream_score.segment_rows(courses, classes, harness.INSIDE))
-    if options.json:
-        print_json(score.as_json(by_person=by_person) | ({"persons": persons, **_over(persons)} if persons else {}))
-        return
-    stream_score.print_score(score, by_person=by_person)
+        scores.write_rows(options.segments, scores.segment_rows(courses, classes, harness.INSIDE))
+    found = score.as_json(by_person=by_person)
+    tables = [*scores.tables_of(score, found, "95 %, by person" if by_person else "95 %")]
     if persons:
-        stream_score.print_persons(persons, _over(persons), harness.protocol_of(options))
+        found |= {"persons": persons, **_over(persons)}
+        tables.append(scores.table_of_persons(persons, _over(persons), harness.protocol_of(options)))
+    tell(options, found, *tables)
 
 
 def course(
     take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings
-) -> stream_score.Course:
+) -> scores.Course:
     """Push a take through the recogniser, frame by frame, and compare its answers with the labels.
 
     Parameters
@@ -86,7 +85,7 @@ def course(
     feed = harness.Feed.of(take.clip, library.skeleton, take.delivered)
     recognizer = Recognizer(compared, settings)
     answers = [answer for _, answer in harness.pushed(recognizer, feed) if answer is not None]
-    played = stream_score.course_of(take, feed.times, answers, classes=classes, known=library.classes)
+    played = scores.course_of(take, feed.times, answers, classes=classes, known=library.classes)
     return replace(played, unlike=recognizer.unlike)
 
 
@@ -97,13 +96,13 @@ def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | W
 
 
 def _by_person(
-    asked: Sequence[harness.Asked], courses: Sequence[stream_score.Course], classes: Sequence[str]
+    asked: Sequence[harness.Asked], courses: Sequence[scores.Course], classes: Sequence[str]
 ) -> dict[str, _Values]:
     """Score the takes of each person's fold separately, if folds are persons'."""
     pairs = [*zip(asked, courses, strict=True)]
     people = sorted({each.person for each in asked} - {""})
     own = {person: [course for each, course in pairs if each.person == person] for person in people}
-    return {person: stream_score.score_courses(each, classes, harness.INSIDE).values for person, each in own.items()}
+    return {person: scores.score_courses(each, classes, harness.INSIDE).values for person, each in own.items()}
 
 
 def _over(persons: Mapping[str, _Values]) -> dict[str, _Values]:
@@ -112,5 +111,5 @@ def _over(persons: Mapping[str, _Values]) -> dict[str, _Values]:
     for name in next(iter(persons.values())):
         there = [value for each in persons.values() if (value := each[name]) is not None]
         mean[name] = float(np.mean(there)) if there else None
-        worst[name] = (max if name in stream_score.LOWER_IS_BETTER else min)(there) if there else None
+        worst[name] = (max if name in scores.LOWER_IS_BETTER else min)(there) if there else None
     return {"mean": mean, "worst": worst}

@@ -16,12 +16,12 @@ from kinespace.library import Clip, MotionLibrary, WindowIndex
 from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.stream.teaching.movement import moved_in
-from kinespace.tools.cli.arguments import add_settings, add_shared, settings_of
+from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.cli.console import counted, note, print_json, print_scores, progress
+from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.bootstrap import Percentile, Ratio, values_of
 from kinespace.tools.evaluation.harness import Take
+from kinespace.tools.evaluation.scores import Percentile, Ratio, values_of
 from kinespace.tools.feeding.feed import resampled
 
 #: A motion, and the name of the recording that it was cut from.
@@ -77,7 +77,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "ask each motion again with its class left out: how much of its time is named all the same?"
     parser.add_argument("--left-out", action="store_true", help=text)
     add_settings(parser)
-    add_shared(parser, "--json")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -100,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
     caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
-    print_scores(rows, _COLUMNS, title=title, caption=caption, names=0)
+    console.print(scores_of(rows, _COLUMNS, title=title, caption=caption, names=0))
     return 0
 
 
@@ -223,9 +222,7 @@ def _strangers(asked: Sequence[Clip], taught: WindowIndex, examples: Sequence[in
 
 
 def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Ratio]:
-    """Give the figures of motions whose class was left out, which are named by mistake; none where none asked."""
-    if not asked:
-        return {}
+    """Give the figures of motions whose class was left out, which are named by mistake."""
     named, answers = [each.named for each in asked], [each.answers for each in asked]
     starts, seconds = [len(each.classes) for each in asked], [each.motion.duration for each in asked]
     return {
@@ -270,6 +267,7 @@ def scored(
     asked, the share of the time that was named, and start events a minute.
     """
     figures = defaultdict[str, list[float | None]](list)
+    left_out = any(whose.startswith("unknown") for whose, _ in replies)
     for count in examples:
         for whose, prefix in (("same", ""), ("other", "other_")):
             asked = replies.get((whose, count), [])
@@ -283,7 +281,7 @@ def scored(
                     f"{whose}_first_right_of_started": Ratio(right, started),
                     f"{prefix}delay_s": Percentile([[each.delay] for each in asked if each.right], 50),
                     f"{prefix}false_per_minute": Ratio(false, seconds, 60),
-                    **_of_unknown(replies.get((f"unknown {whose}", count), []), prefix),
+                    **(_of_unknown(replies.get((f"unknown {whose}", count), []), prefix) if left_out else {}),
                 }
             )
             for name, value in (values | {f"{whose}_asked": len(asked)}).items():

@@ -256,29 +256,29 @@ class Protocol(StrEnum):
     ONE_PERSON = "one-person"
 
 
-class Fold(NamedTuple):
-    """Takes that one library recognises.
+class Asked(NamedTuple):
+    """A take, and the library that recognises it.
 
     Attributes
     ----------
+    take
+        The take.
     library
-        One object for all takes, so that it is opened once.
-    takes
-        At least one.
+        One object for all takes that it recognises, so that it is opened once.
     person
         The person who asks, where the other persons' motions make the library; the person whose motions make the
         library, where it is one person's; else empty.
     """
 
+    take: Take
     library: MotionLibrary
-    takes: tuple[Take, ...]
     person: str = ""
 
 
-def folds_of(
+def asked_by(
     takes: Sequence[Take], protocol: Protocol, library: Callable[[], MotionLibrary], *, either_side: bool = False
-) -> list[Fold]:
-    """Say which library recognises which takes.
+) -> list[Asked]:
+    """Say which library recognises which take; takes of one library come together.
 
     Takes without labels are recognised by every library of the protocol that has no motions of their person; where one
     take is left out at a time, by the library of all takes.
@@ -300,7 +300,8 @@ def folds_of(
         The performers are not known, or no motion is left to make a library of.
     """
     if protocol is Protocol.LIBRARY:
-        return [Fold(library(), tuple(takes))]
+        given = library()
+        return [Asked(take, given) for take in takes]
     labelled = [take for take in takes if take.is_known]
     every = [*labelled, *(take for take in takes if not take.is_known)]
     by_take = protocol is Protocol.LEAVE_ONE_TAKE_OUT
@@ -312,16 +313,18 @@ def folds_of(
     if len(ones) < 2:
         what = "takes" if by_take else "persons"
         raise ValueError(f"--protocol {protocol}: expected at least two labelled {what}, got {len(ones) or 'none'}")
-    folds = []
+    asked = list[Asked]()
     for one in ones:
         own = [take for take in every if whose[id(take)] == one]
         rest = [take for take in every if whose[id(take)] != one]
         teaching, asking = (own, rest) if protocol is Protocol.ONE_PERSON else (rest, own)
-        folds.append(Fold(_library(teaching, either_side=either_side), tuple(asking), "" if by_take else one))
+        made = _library(teaching, either_side=either_side)
+        asked += [Asked(take, made, "" if by_take else one) for take in asking]
     strangers = [take for take in every if whose[id(take)] not in ones]
     if strangers and protocol is not Protocol.ONE_PERSON:
-        folds.append(Fold(_library(labelled, either_side=either_side), tuple(strangers)))
-    return folds
+        made = _library(labelled, either_side=either_side)
+        asked += [Asked(take, made) for take in strangers]
+    return asked
 
 
 def _library(takes: Sequence[Take], *, either_side: bool) -> MotionLibrary:
@@ -347,22 +350,14 @@ class Feed(NamedTuple):
         return cls(ordered.times[shown], ordered.positions[shown], skeleton)
 
 
-class Asked(NamedTuple):
-    """A take, the library that recognises it, and the person of the fold (`protocols.Fold`)."""
-
-    take: Take
-    library: MotionLibrary
-    person: str
-
-
 def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
-    """Add the options for takes; `usual` says what is played when there are none."""
+    """Add the options for takes, and for JSON; `usual` says what is played when there are none."""
     text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     arguments.add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
     arguments.add_reading(parser)
-    arguments.add_shared(parser, "--actor-in")
+    arguments.add_shared(parser, "--actor-in", "--json")
     arguments.add_subjects(parser)
     parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
@@ -429,10 +424,10 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     def library() -> MotionLibrary:
         return (given or MotionLibrary.builtin()).restricted_to(joints)
 
-    folds = folds_of(takes, protocol, library, either_side=options.either_side)
-    classes = tuple(sorted({name for fold in folds for name in fold.library.classes}))
+    asked = asked_by(takes, protocol, library, either_side=options.either_side)
+    classes = tuple(sorted({name for each in asked for name in each.library.classes}))
     _require_classes(takes, sources, classes)
-    return [Asked(take, fold.library, fold.person) for fold in folds for take in fold.takes], classes
+    return asked, classes
 
 
 def shared_joints(skeletons: Sequence[Skeleton]) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import NOT_JUDGED, averaged
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import print_json, print_scores, progress, require_place_for
+from kinespace.tools.cli.console import progress, require_place_for, scores_of, tell
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
@@ -162,16 +162,13 @@ def run(options: argparse.Namespace) -> None:
         learned |= learned_of_few(library, whole, fewer).kept(few=True)
     keeping_lessons(replace(library, learned=learned)).save(options.output)
     rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
-    if options.json:
-        print_json(rows)
-        return
     unknown = [each.take.clip.duration for each in courses if each.is_unknown]
     containing = sum(bool(each.take.contains) for each in courses)
     title = (
         f"{len(unknown)} unknown takes ({sum(unknown) / 60:.1f} minutes), {containing} with a known motion; "
         f"{len({each.take.person for each in courses})} subjects, each judged by numbers fitted on others"
     )
-    print_scores(rows, _COLUMNS, title=title, names=0)
+    tell(options, rows, scores_of(rows, _COLUMNS, title=title, names=0))
 
 
 def _require_others(library: MotionLibrary) -> None:

@@ -13,8 +13,8 @@ from scipy.special import gammaincinv
 from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind, Recognition
-from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, intervals_of, values_of
 from kinespace.tools.evaluation.harness import Take
+from kinespace.tools.evaluation.scores import Figure, Percentile, Ratio, intervals_of, values_of
 
 #: Seconds after a segment's end up to which a motion may end that belongs to it, and the share of the motion that must
 #: lie in the segment: labels are right to a tenth of a second at best.

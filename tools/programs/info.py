@@ -22,7 +22,7 @@ from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import NameNotes, print_json, print_scores, progress, say
+from kinespace.tools.cli.console import NameNotes, console, print_json, progress, say, scores_of
 
 #: Headings of listed recordings and of a library's listed motions, and the form of each cell.
 _LASTING = "seconds {seconds:.1f} | Hz {frame_rate:g}"
@@ -149,7 +149,7 @@ def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others:
         | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
         for row in rows
     ]
-    print_scores(shown, f"{what} {{{what}}}{indexed} | {figures}", title=title)
+    console.print(scores_of(shown, f"{what} {{{what}}}{indexed} | {figures}", title=title))
 
 
 def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:
@@ -180,7 +180,7 @@ def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]
 def _show_recordings(described: Mapping[str, Any]) -> None:
     """Print recordings: a single one as a row with its joints; of several the sums, and their rows if asked for."""
     if "clips" in described:
-        print_scores(described["clips"], _OF_RECORDINGS, title=described["place"])
+        console.print(scores_of(described["clips"], _OF_RECORDINGS, title=described["place"]))
     if described["motions"] > 1:
         _show_sums(described["place"], described["classes"], "class", "persons")
         _show_sums("", described["persons"], "person", "classes")
@@ -225,7 +225,7 @@ def _show_library(described: Mapping[str, Any]) -> None:
     """Print a library's classes with their indices, its persons, joints, licence and attribution."""
     if "clips" in described:
         clips = [each | {"person": each["person"] or "?"} for each in described["clips"]]
-        print_scores(clips, _OF_LIBRARY, title=described["library"], names=3)
+        console.print(scores_of(clips, _OF_LIBRARY, title=described["library"], names=3))
     _show_sums(described["library"], described["classes"], "class", "persons")
     _show_sums("", described["persons"], "person", "classes")
     classes = sum(row["index"] is not None for row in described["classes"])

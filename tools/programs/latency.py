@@ -7,7 +7,7 @@ same run.
 import argparse
 import time
 from collections.abc import Sequence
-from itertools import count, cycle, repeat
+from itertools import count, cycle, product, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from rich.table import Table
 from kinespace.library import MotionLibrary
 from kinespace.stream import Announcement, Frame, Settings
 from kinespace.tools.cli.arguments import add_settings, positive, settings_of
-from kinespace.tools.cli.console import console, print_json, table_of
+from kinespace.tools.cli.console import table_of, tell
 from kinespace.tools.feeding import service
 from kinespace.tools.feeding.feed import Cue, without_pause
 
@@ -65,19 +65,11 @@ class Latency(NamedTuple):
 
     def as_json(self) -> dict[str, object]:
         """Give the figures by name; milliseconds, null where there is none."""
-        percentiles = {
-            f"{prefix}{name}_ms": self.percentile(percent, echo=bool(prefix))
-            for prefix in ("", "echo_")
-            for name, percent in _PERCENTILES.items()
-        }
-        return {
-            "transport": self.transport,
-            "rate_hz": self.rate_hz,
-            "sent": self.sent,
-            "answered": self.answered,
-            "lost": self.lost,
-            **{name: None if np.isnan(value) else round(value, 4) for name, value in percentiles.items()},
-        }
+        figures = {name: each for name, each in self._asdict().items() if not isinstance(each, np.ndarray)}
+        for prefix, (name, percent) in product(("", "echo_"), _PERCENTILES.items()):
+            value = self.percentile(percent, echo=bool(prefix))
+            figures[f"{prefix}{name}_ms"] = None if np.isnan(value) else round(value, 4)
+        return figures
 
 
 def measure(transport: service.Transport, *, rate_hz: float, seconds: float, settings: Settings) -> Latency:
@@ -152,10 +144,7 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError("--json: expected --transport osc or zmq with it, got both")
     settings = settings_of(options)
     found = [measure(each, rate_hz=options.rate, seconds=options.seconds, settings=settings) for each in transports]
-    if options.json:
-        print_json(found[0].as_json())
-    else:
-        console.print(table_for(found))
+    tell(options, found[0].as_json(), table_for(found))
 
 
 def table_for(latencies: Sequence[Latency]) -> Table:

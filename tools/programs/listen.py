@@ -172,12 +172,8 @@ def _named_otherwise(survey: Survey) -> list[str]:
 
 def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str, object]:
     """Put everything that was found into one object for JSON."""
-    return {
-        "packets": survey.packets,
-        "undecodable": survey.undecodable,
-        "bundles": survey.bundles,
-        "largest": survey.largest,
-        "senders": survey.senders,
+    counted = {name: getattr(survey, name) for name in ("packets", "undecodable", "bundles", "largest", "senders")}
+    return counted | {
         "messages": [
             {"address": kind.address, "types": kind.types, "count": kind.count, "rate": round(kind.rate, 3)}
             for kind in survey.kinds.values()

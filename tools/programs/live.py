@@ -23,12 +23,10 @@ from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, FeedSource
 from kinespace.stream.outputs import LAYOUTS, BodySink, ZmqSink
-from kinespace.stream.outputs.lsl_sink import LSL
-from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
+from kinespace.stream.outputs.extra_sinks import LSL, MIDI, MidiSink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
-from kinespace.stream.service.gateway import Gateway
 from kinespace.stream.service.loop import AnySource, Recognising, Service
-from kinespace.stream.service.worker import Terms
+from kinespace.stream.service.workers import Gateway, Terms
 from kinespace.stream.teaching.movement import STILLNESS
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import console, log_as, require_place_for, say

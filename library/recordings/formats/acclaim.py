@@ -22,9 +22,9 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.joint_choice import few
-from kinespace.library.recordings.formats.rotations import BLOCK, turns
+from kinespace.library.recordings.formats.measures import with_missing_frames
+from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
-from kinespace.library.recordings.formats.timed_frames import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 
 METRES_PER_INCH = 0.0254
@@ -249,30 +249,21 @@ def _check(path: Path, numbers: NDArray[np.int64]) -> None:
 def _forward_kinematics(body: AcclaimSkeleton, channels: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn channels (frames, channels; translations in metres, angles in radians) into positions.
 
-    A joint's frame is M = M_parent · C · R · C⁻¹, with C the bone's axis frame and R its rotation; the joint stands
-    at p = p_parent + M · offset. Many frames at once, one bone at a time.
+    A bone turns by C · R · C⁻¹, with C its axis frame and R its own rotation, and takes its end along.
     """
-    positions = np.empty((len(channels), len(body.bones), 3))
-    for start in range(0, len(channels), BLOCK):
-        _place(body, channels[start : start + BLOCK], positions[start : start + BLOCK])
-    return positions
-
-
-def _place(body: AcclaimSkeleton, channels: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
     places = _channel_places(body)
-    turned: list[NDArray[np.float64]] = []
-    for index, (bone, parent) in enumerate(zip(body.bones, body.skeleton.parents, strict=True)):
-        own = dict(zip(bone.channels, channels[:, places.get(bone.name, slice(0))].T, strict=True))
-        order = [axis for axis in bone.axis_order if f"r{axis}" in own]
-        turn = turns("".join(order), [own[f"r{axis}"] for axis in order], len(channels))
-        local = bone.axis @ turn @ bone.axis.T
-        if parent < 0:
-            still = np.zeros(len(channels))
-            turned.append(local)
-            positions[:, index] = bone.offset + np.stack([own.get(f"t{name}", still) for name in "xyz"], axis=1)
-        else:
-            turned.append(turned[parent] @ local)
-            positions[:, index] = positions[:, parent] + turned[index] @ bone.offset
+
+    def bones(block: slice) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        for bone, parent in zip(body.bones, body.skeleton.parents, strict=True):
+            own = dict(zip(bone.channels, channels[block, places.get(bone.name, slice(0))].T, strict=True))
+            order = [axis for axis in bone.axis_order if f"r{axis}" in own]
+            turn = turns("".join(order), [own[f"r{axis}"] for axis in order], len(channels[block]))
+            local = bone.axis @ turn @ bone.axis.T
+            still = np.zeros(len(local))
+            moved = np.stack([own.get(f"t{name}", still) for name in "xyz"], axis=1)
+            yield moved + (bone.offset if parent < 0 else local @ bone.offset), local
+
+    return placed(body.skeleton.parents, len(channels), bones)
 
 
 def find_asf(amc: Path) -> Path:

@@ -6,7 +6,7 @@ offset, as in MotionBuilder and Blender; where they are mostly small against it 
 write position channels of nothing, or of noise. An End Site is a joint like any other, called after its parent with
 `_end`. A joint that always coincides with its parent, or with an earlier child of its parent, is left out.
 
-The file names no unit; `library.recordings.formats.units.guessed_metres` guesses it.
+The file names no unit; `library.recordings.formats.measures.guessed_metres` guesses it.
 """
 
 import math
@@ -26,9 +26,9 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, mended, number_of, numbers_in, refuse
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
-from kinespace.library.recordings.formats.rotations import BLOCK, turns
+from kinespace.library.recordings.formats.measures import guessed_metres
+from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
-from kinespace.library.recordings.formats.units import guessed_metres
 from kinespace.library.skeleton import Skeleton
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation|scale)", re.IGNORECASE)
@@ -273,36 +273,20 @@ def _frame_rate(period: str) -> float:
 
 
 def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:
-    """Work out the position of every joint, (frames, joints, 3), in the file's unit.
+    """Work out the position of every joint, (frames, joints, 3), in the file's unit; R = R₁ · R₂ · R₃."""
+    displaced = _displaced(motion)[0]
 
-    A joint's frame is M = M_parent · R₁ · R₂ · R₃; it stands at p = p_parent + M_parent · offset. Many frames at once,
-    one joint at a time.
-    """
-    positions, displaced = np.empty((len(motion.channels), len(motion.joints), 3)), _displaced(motion)[0]
-    for start in range(0, len(positions), BLOCK):
-        block = slice(start, start + BLOCK)
-        _place(motion.joints, motion.channels[block], displaced, positions[block])
-    return positions
+    def bones(block: slice) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        channels = motion.channels[block]
+        each = zip(motion.joints, displaced, _by_joint(motion.joints, channels), strict=True)
+        for joint, is_displaced, numbers in each:
+            own, offset = dict(zip(joint.channels, numbers.T, strict=True)), np.tile(joint.offset, (len(channels), 1))
+            for axis, name in enumerate("xyz" if is_displaced else ""):
+                offset[:, axis] = own.get(f"p{name}", offset[:, axis])
+            order = [name[1] for name in own if name[0] == "r"]
+            yield offset, turns("".join(order).upper(), [np.radians(own[f"r{axis}"]) for axis in order], len(channels))
 
-
-def _place(
-    joints: Sequence[BvhJoint], channels: NDArray[np.float64], displaced: Sequence[bool], positions: NDArray[np.float64]
-) -> None:
-    turned: list[NDArray[np.float64]] = []
-    for index, (joint, numbers) in enumerate(zip(joints, _by_joint(joints, channels), strict=True)):
-        own, offset = dict(zip(joint.channels, numbers.T, strict=True)), np.tile(joint.offset, (len(channels), 1))
-        for axis in range(3):
-            if displaced[index]:
-                offset[:, axis] = own.get(f"p{'xyz'[axis]}", offset[:, axis])
-        order = [name[1] for name in own if name[0] == "r"]
-        local = turns("".join(order).upper(), [np.radians(own[f"r{axis}"]) for axis in order], len(channels))
-        if joint.parent < 0:
-            positions[:, index] = offset
-            turned.append(local)
-        else:
-            above = turned[joint.parent]
-            positions[:, index] = positions[:, joint.parent] + (above @ offset[:, :, None])[:, :, 0]
-            turned.append(above @ local)
+    return placed([joint.parent for joint in motion.joints], len(motion.channels), bones)
 
 
 def _by_joint(joints: Sequence[BvhJoint], channels: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -2,7 +2,7 @@
 
 A text has commas, semicolons, tabs, bars or blanks between, in UTF-8 or UTF-16; `table_header` finds its columns, also
 in tables of Motive, Vicon, Qualisys and OpenSim. A table whose rows are joints is turned into one of frames.
-Times count in any unit (`timed_frames.timing`); without them frames follow each other evenly, 30 in a second unless
+Times count in any unit (`measures.timing`); without them frames follow each other evenly, 30 in a second unless
 another rate is given. A column that numbers or names persons makes a clip for each. Other columns (visibilities,
 rotations) are ignored. An empty field is a joint that was not seen.
 
@@ -33,9 +33,9 @@ from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
+from kinespace.library.recordings.formats.measures import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
-from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.

@@ -15,8 +15,7 @@ from itertools import accumulate, pairwise
 
 from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
-from kinespace.library.recordings.formats.timed_frames import words_of
-from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
+from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_of, words_of
 
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.library.recordings.formats.timed_frames import with_missing_frames
+from kinespace.library.recordings.formats.measures import with_missing_frames
 from kinespace.library.skeleton import Skeleton
 
 FRAME_RATE = 30.0

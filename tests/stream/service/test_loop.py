@@ -17,9 +17,8 @@ from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognizer import performers
 from kinespace.stream.recognizer.decision import Events
 from kinespace.stream.service import loop as service_module
-from kinespace.stream.service.gateway import DUE, HISTORY, Track
 from kinespace.stream.service.loop import LATE, MAX_AGE, MAX_PERFORMERS, MAX_WAITING, Overload, Service, Taken
-from kinespace.stream.service.worker import SentFrame
+from kinespace.stream.service.workers import DUE, HISTORY, SentFrame, Track
 from kinespace.stream.status import Status
 from kinespace.stream.teaching import Asked, State, commands
 

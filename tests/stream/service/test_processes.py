@@ -21,11 +21,9 @@ from kinespace.library import MotionLibrary, WindowIndex, by_joints, opened
 from kinespace.library.windows.opening import MAX_VIEWS
 from kinespace.stream import Announcement, BackgroundViews, Frame, Performers, Recognition, Settings
 from kinespace.stream.frame import Admitted, NewSender
-from kinespace.stream.service import gateway as gateways
-from kinespace.stream.service import worker
+from kinespace.stream.service import workers
 from kinespace.stream.service.background import leave_signals_to_parent, signals_held
-from kinespace.stream.service.gateway import Gateway
-from kinespace.stream.service.worker import Terms, Worker
+from kinespace.stream.service.workers import Gateway, Terms, Worker
 
 RATE, PATIENCE = 60, 60.0
 #: Seconds between two answers, and a frame: another worker's hops are others.
@@ -47,8 +45,8 @@ class Patient(Worker):
 
 def _without_hurry(name: str, place: str) -> None:
     """Work without hurry; what a process does."""
-    worker.Worker = Patient  # type: ignore[misc]
-    worker.work(name, place)
+    workers.Worker = Patient  # type: ignore[misc]
+    workers.work(name, place)
 
 
 class Fed:
@@ -96,7 +94,7 @@ def _described(answers: Sequence[Recognition]) -> dict[tuple[str, float], dict[s
 @pytest.mark.slow
 def test_answers_equal_one_processs(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two workers give the answers of one process, each once, bit by bit; a gateway that stood still drops none."""
-    monkeypatch.setattr(gateways, "work", _without_hurry)
+    monkeypatch.setattr(workers, "work", _without_hurry)
     with closing(Gateway(2, opened(sticks), Terms(FOLLOWED, 8))) as gateway:
         # By a clock that stands still no motion ends because the machine does.
         now = time.monotonic()
@@ -109,16 +107,16 @@ def test_answers_equal_one_processs(sticks: MotionLibrary, monkeypatch: pytest.M
         fed.until(lambda: gateway.counts.recognizers.frames == 150 * len(NAMES))
         gateway.set_sensitivity(0.0)
         assert gateway.sensitivity == 0.0
-        gateway.tend(time.monotonic() + 10 * gateways.MAX_SILENT)
+        gateway.tend(time.monotonic() + 10 * workers.MAX_SILENT)
         assert len(gateway.ready) == 2
 
 
 @pytest.mark.slow
 def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No event is lost when one of two workers is killed, or hangs; another process takes its place."""
-    monkeypatch.setattr(gateways, "_MAX_ABSENT", 0.5)
-    monkeypatch.setattr(gateways, "work", _without_hurry)
-    monkeypatch.setattr(gateways, "DUE", PATIENCE)
+    monkeypatch.setattr(workers, "_MAX_ABSENT", 0.5)
+    monkeypatch.setattr(workers, "work", _without_hurry)
+    monkeypatch.setattr(workers, "DUE", PATIENCE)
     with closing(Gateway(2, opened(sticks), Terms(FOLLOWED, 8))) as gateway:
         fed, processes = Fed(sticks, gateway), gateway._workers  # noqa: SLF001 - who is killed
         fed.play(60)
@@ -141,7 +139,7 @@ def test_processes_answer_and_are_replaced(sticks: MotionLibrary, monkeypatch: p
 
 def test_a_worker_that_cannot_begin_is_an_error(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """No gateway waits for a worker that ends before it is ready."""
-    monkeypatch.setattr(gateways, "work", sys.exit)
+    monkeypatch.setattr(workers, "work", sys.exit)
     with pytest.raises(ChildProcessError, match="worker 1 ended before it was ready"):
         Gateway(1, opened(sticks), Terms(settings=Settings(), most=8))
 

@@ -35,7 +35,7 @@ from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.annotations import write_annotations
 from kinespace.tools.evaluation.harness import Take
-from kinespace.tools.evaluation.stream_score import course_of
+from kinespace.tools.evaluation.scores import course_of
 
 pytestmark = pytest.mark.slow
 

@@ -21,10 +21,20 @@ from kinespace.library import NOTHING, MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
-from kinespace.tools.evaluation.bootstrap import Figure, Percentile, Ratio, RocArea
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
-from kinespace.tools.evaluation.harness import Feed, Fold, Protocol, Take, folds_of
-from kinespace.tools.evaluation.stream_score import LASTING, NONE, Course, course_of, score_courses
+from kinespace.tools.evaluation.evaluate_teach import Reply, scored
+from kinespace.tools.evaluation.harness import Asked, Feed, Protocol, Take, asked_by
+from kinespace.tools.evaluation.scores import (
+    LASTING,
+    NONE,
+    Course,
+    Figure,
+    Percentile,
+    Ratio,
+    RocArea,
+    course_of,
+    score_courses,
+)
 from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
 CLASSES = ("bow", "jump", "wave")
@@ -284,6 +294,15 @@ def test_what_a_take_contains_somewhere_is_not_false() -> None:
     assert second["false_per_hour"] == pytest.approx(3600 / CLIP.duration)
 
 
+def test_every_number_of_examples_has_a_place_in_the_figures_of_teaching() -> None:
+    """Where nobody could ask there is no figure: by one example one of four answers named a class that was left out."""
+    reply = Reply(CLIP, ("bow",), 0.5, answers=4, named=1)
+    figures = scored({("same", 1): [reply], ("unknown same", 1): [reply]}, [1, 2])
+    assert {len(each) for each in figures.values()} == {2}
+    assert (figures["same_first_right"], figures["unknown_named"]) == ([1.0, None], [0.25, None])
+    assert "unknown_named" not in scored({("same", 1): [reply]}, [1, 2])
+
+
 @pytest.mark.parametrize(("count", "right"), [(3, 0.0), (4, 1.0), (6, 1.0), (7, 0.0)])
 def test_five_of_a_class_are_counted(count: int, right: float) -> None:
     """Of five bows the count may be off by one."""
@@ -478,32 +497,31 @@ def _unused() -> NoReturn:
     raise AssertionError
 
 
-def _names(fold: Fold) -> list[str]:
-    return [take.clip.name for take in fold.takes]
-
-
-def _sources(fold: Fold) -> set[str]:
-    """Name the takes that a fold's library was cut from."""
-    return {motion.take for motion in fold.library.motions}
+def _sources(asked: Asked) -> set[str]:
+    """Name the takes that a library was cut from."""
+    return {motion.take for motion in asked.library.motions}
 
 
 def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
     """Leaving one take out its library is cut from all others, the same person's among them."""
-    folds = folds_of(takes, Protocol.LEAVE_ONE_TAKE_OUT, _unused)
+    asked = asked_by(takes, Protocol.LEAVE_ONE_TAKE_OUT, _unused)
     everybody = {take.clip.name for take in takes}
-    assert [_names(fold) for fold in folds] == [[take.clip.name] for take in takes]
-    assert [_sources(fold) for fold in folds] == [everybody - {take.clip.name} for take in takes]
-    assert {fold.person for fold in folds} == {""}
-    assert len(folds[0].library) == 8
+    assert [each.take for each in asked] == takes
+    assert [_sources(each) for each in asked] == [everybody - {take.clip.name} for take in takes]
+    assert {each.person for each in asked} == {""}
+    assert len(asked[0].library) == 8
 
 
 @pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
 def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol: Protocol) -> None:
-    """Each person is recognised by all others together, or recognises all others: one library for a whole fold."""
+    """Each person is recognised by all others together, or recognises all others: one library for all their takes."""
     own = {"ann": ["ann1", "ann2"], "ben": ["ben3", "ben4"], "cid": ["cid5"]}
-    folds = {fold.person: fold for fold in folds_of(takes, protocol, _unused)}
-    assert list(folds) == list(own)
-    for person, fold in folds.items():
+    asked = asked_by(takes, protocol, _unused)
+    assert [*dict.fromkeys(each.person for each in asked)] == [*own]
+    for person, takes_of_person in own.items():
+        of_person = [each for each in asked if each.person == person]
         others = [name for each in own if each != person for name in own[each]]
-        asking, library = (others, own[person]) if protocol is Protocol.ONE_PERSON else (own[person], others)
-        assert (_names(fold), _sources(fold)) == (asking, set(library))
+        asking, library = (others, takes_of_person) if protocol is Protocol.ONE_PERSON else (takes_of_person, others)
+        assert [each.take.clip.name for each in of_person] == asking
+        assert {id(each.library) for each in of_person} == {id(of_person[0].library)}
+        assert _sources(of_person[0]) == {*library}

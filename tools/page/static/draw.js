@@ -322,14 +322,14 @@ const SMALL = "12px system-ui, sans-serif";
 const gutterOf = (rows, width) => rows.some((row) => row.name) && width > 500 ? GUTTER : 0;
 
 /**
- * Draw rows of bars over time. Each row has a `name`, `lanes` ({height, names: lines of names, bars: [{begin, end, label, colour, mark}]}) and
- * perhaps a `line` ([[second, 0 to 1]]); ticks are counted from `origin`. Gives the bars' places, for a pointer:
- * [{x, y, width, height, bar, row}].
+ * Draw rows of bars over the minute before `now`. Each row has a `name`, `lanes` ({height, names: lines of names,
+ * bars: [{begin, end, label, colour, mark}]}) and perhaps a `line` ([[second, 0 to 1]]). Gives the bars' places, for a
+ * pointer: [{x, y, width, height, bar, row}].
  */
-function drawTimeline(canvas, rows, { from, to, origin, tick, named }) {
+function drawTimeline(canvas, rows, now) {
   const { context, width, height } = fitted(canvas);
   const gutter = gutterOf(rows, width);
-  const place = (second) => gutter + (second - from) / (to - from) * (width - gutter);
+  const place = (second) => gutter + (1 - (now - second) / SHOWN) * (width - gutter);
   const hits = [];
   context.font = SMALL;
   context.textBaseline = "middle";
@@ -337,9 +337,10 @@ function drawTimeline(canvas, rows, { from, to, origin, tick, named }) {
   context.strokeStyle = theme.line;
   context.lineWidth = 1;
   context.textAlign = "center";
-  for (let second = origin + Math.ceil((from - origin) / tick) * tick; second <= to; second += tick) {
-    stroke(context, [{ x: place(second), y: 0 }, { x: place(second), y: height - 16 }]);
-    if (place(second) > gutter + 16 && place(second) < width - 16) context.fillText(named(second), place(second), height - 8);
+  for (let ago = 0; ago <= SHOWN; ago += 10) {
+    const x = place(now - ago);
+    stroke(context, [{ x, y: 0 }, { x, y: height - 16 }]);
+    if (x > gutter + 16 && x < width - 16) context.fillText(`${-ago} s`, x, height - 8);
   }
   let top = 2;
   for (const row of rows) {
@@ -354,7 +355,7 @@ function drawTimeline(canvas, rows, { from, to, origin, tick, named }) {
       // Whole names stand above the bars, in two lines where one is too short; the list below has those that find no room.
       const free = Array(lane.names ?? 0).fill(-Infinity);
       for (const bar of lane.bars) {
-        if (bar.end < from || bar.begin > to) continue;
+        if (bar.end < now - SHOWN) continue;
         const [x, wide] = [place(bar.begin), Math.max(place(bar.end) - place(bar.begin), 2)];
         const long = context.measureText(bar.label).width;
         const at = Math.max(Math.min(x, width - long), gutter);

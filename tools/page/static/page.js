@@ -216,8 +216,7 @@ function drawPast() {
   const rows = [...page.performers.values()].map(rowOf);
   const height = `${Math.max(heightOf(rows), 70)}px`;
   if (canvas.style.height !== height) canvas.style.height = height;
-  page.hits = drawTimeline(canvas, rows, { from: page.now - SHOWN, to: page.now, origin: page.now,
-    tick: 10, named: (second) => `${Math.round(second - page.now)} s` });
+  page.hits = drawTimeline(canvas, rows, page.now);
   drawSpan(canvas);
 }
 
@@ -228,7 +227,7 @@ function rowOf(performer) {
   const guesses = performer.guesses.map(([begin, guess], place, all) => ({ begin, end: all[place + 1]?.[0] ?? until,
     colour: guess ? colourOf(page.classes.indexOf(guess)) : "transparent" }));
   const done = performer.done.map((each) => ({ ...each, colour: colourOf(page.classes.indexOf(each.className)) }));
-  return { name: performer.name, key: performer.name, lanes: [{ height: 18, names: 2, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
+  return { name: performer.name, lanes: [{ height: 18, names: 2, bars }, { height: 7, bars: guesses }, { height: 4, bars: done }],
     line: page.performers.size <= 2 ? performer.scores : null };
 }
 
@@ -492,8 +491,8 @@ byId("timeline").addEventListener("click", (event) => {
   const hit = page.hits.find(({ x, y, width, height, bar }) => bar.key && event.offsetX >= x && event.offsetX <= x + width
     && event.offsetY >= y && event.offsetY <= y + height);
   if (!hit) return;
-  choose(hit.row.key);
-  const performer = page.performers.get(hit.row.key);
+  choose(hit.row.name);
+  const performer = page.performers.get(hit.row.name);
   openWrong(performer, performer.motions.get(hit.bar.key));
 });
 

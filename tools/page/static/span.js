@@ -32,7 +32,7 @@ function scaleOf(canvas) {
 
 /** The performer whose row a height is in: the last one that begins above it. */
 function performerAt(y) {
-  const above = page.hits.filter((hit) => hit.y - 2 <= y).map(({ row }) => row.key);
+  const above = page.hits.filter((hit) => hit.y - 2 <= y).map(({ row }) => row.name);
   return above.at(-1) ?? page.chosen;
 }
 

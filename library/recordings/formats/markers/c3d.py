@@ -24,8 +24,7 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
-from kinespace.library.recordings.formats.timed_frames import words_of
-from kinespace.library.recordings.formats.units import metres_of
+from kinespace.library.recordings.formats.measures import metres_of, words_of
 
 #: Parameters of the group POINT in which files list the points that are no positions.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")

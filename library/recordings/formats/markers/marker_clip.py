@@ -11,8 +11,7 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05, listed
 from kinespace.library.recordings.formats.joint_choice import chosen, people_in, short_names
-from kinespace.library.recordings.formats.timed_frames import MAX_GAP, Evened, Positions, Times, laid
-from kinespace.library.recordings.formats.units import guessed_metres
+from kinespace.library.recordings.formats.measures import MAX_GAP, Evened, Positions, Times, guessed_metres, laid
 from kinespace.library.skeleton import Skeleton
 
 #: A place that is held in several frames, and is so many times farther from a body's middle than half of its joints, is

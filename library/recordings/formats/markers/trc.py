@@ -19,10 +19,9 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import mended, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
+from kinespace.library.recordings.formats.measures import WORDS, metres_of, timing
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.library.recordings.formats.texts import lines_of
-from kinespace.library.recordings.formats.timed_frames import timing
-from kinespace.library.recordings.formats.units import WORDS, metres_of
 
 #: Lines within which the header begins, and words of which it has one.
 _FRONT, _RATES = 20, ("datarate", "numframe", "nummarker")

@@ -13,7 +13,7 @@ from written import METRES, TURNS, Node, Written, bvh_text, csv_table, trc_text,
 from kinespace.library import Clip
 from kinespace.library.memory import limited_to
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
-from kinespace.library.recordings.formats.timed_frames import MAX_GAP
+from kinespace.library.recordings.formats.measures import MAX_GAP
 
 HIERARCHIES, MARKERS, TABLES = ("amc", "bvh"), ("c3d", "trc"), ("csv", "npz")
 TEXTS = ("amc", "bvh", "trc", "csv")

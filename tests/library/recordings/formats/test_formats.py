@@ -16,7 +16,7 @@ from kinespace.library.distances import distance_rows
 from kinespace.library.recordings import RecordingError, read_recordings
 from kinespace.library.recordings.formats import bvh, joint_table
 from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
-from kinespace.library.recordings.formats.units import guessed_metres, metres_of
+from kinespace.library.recordings.formats.measures import guessed_metres, metres_of
 from kinespace.library.signature.body import Body
 
 STILL = [0.0] * 6

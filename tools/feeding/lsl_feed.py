@@ -13,7 +13,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.recordings.formats.measures import metres_of
 from kinespace.library.recordings.formats.table_header import header_of
 from kinespace.stream import Frame
-from kinespace.stream.outputs.extra_sinks import lsl
+from kinespace.stream.outputs.lsl_sink import lsl
 from kinespace.tools.feeding.feed import FrameStream, OscFrameSender
 
 #: Seconds in which a stream must be found, and seconds of samples that wait while nobody takes them.

@@ -23,7 +23,8 @@ from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, Reques
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, BodySink, Layout, LayoutSink, ReplySink, Sink, WrittenLayout, ZmqSink
-from kinespace.stream.outputs.extra_sinks import LSL, MIDI, LslSink, MidiSink
+from kinespace.stream.outputs.lsl_sink import LSL, LslSink
+from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.packet import Networks, Packet, Sender
 from kinespace.stream.service.loop import Recognising
 from kinespace.stream.status import Status

@@ -23,7 +23,8 @@ from kinespace.stream import BackgroundViews
 from kinespace.stream.feeds import Preset
 from kinespace.stream.inputs import Admission, FeedSource
 from kinespace.stream.outputs import LAYOUTS, BodySink, ZmqSink
-from kinespace.stream.outputs.extra_sinks import LSL, MIDI, MidiSink
+from kinespace.stream.outputs.lsl_sink import LSL
+from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
 from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.service.loop import AnySource, Recognising, Service
 from kinespace.stream.service.workers import Gateway, Terms

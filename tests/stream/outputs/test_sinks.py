@@ -11,7 +11,7 @@ import pytest
 from synthetic import STICK, stick_clip
 
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition
-from kinespace.stream.outputs.extra_sinks import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
+from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, MidiSink
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognition import Gone
 from kinespace.stream.recognizer.carried import Carried

@@ -10,7 +10,7 @@ import pytest
 from programs import PATIENCE, until
 
 from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
-from kinespace.stream.outputs.extra_sinks import FURTHER, LslSink
+from kinespace.stream.outputs.lsl_sink import FURTHER, LslSink
 from kinespace.stream.recognition import Gone
 from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
 

@@ -21,7 +21,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.windows import remembered
 from kinespace.stream import Event, EventKind, Frame, osc
 from kinespace.stream.inputs.kinerec import RawFile, RawPacket, RawWriter
-from kinespace.stream.outputs.extra_sinks import MidiSink
+from kinespace.stream.outputs.midi_sink import MidiSink
 from kinespace.stream.teaching.examples import Example, Roster
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main

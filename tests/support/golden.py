@@ -81,11 +81,6 @@ def native(moment: Moment) -> list[bytes]:
     ]
 
 
-def _osceletons(x: float, y: float, z: float) -> tuple[float, ...]:
-    """Give x and y as a share of 2.56 and 1.92 metres running backwards, z by 1.28."""
-    return (1.28 - x) / 2.56, (0.96 - y) / 1.92, z / 1.28
-
-
 def _shares(place: Any) -> Any:  # noqa: ANN401 - three numbers
     """Give OSCeleton's numbers: x and y as a share of 2.56 and 1.92 metres running backwards, z by 1.28."""
     return (np.array([1.28, 0.96, 0]) - place * (1, 1, -1)) / (2.56, 1.92, 1.28)

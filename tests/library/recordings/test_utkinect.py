@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import ran
 
 from kinespace.library import Reading, find_recordings, read_recordings
 from kinespace.library.recordings import RecordingError, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.harness import Sources, read_takes
 
 POSTURES = np.random.default_rng(3).normal(size=(4, 20, 3))
@@ -26,12 +26,11 @@ def _written(folder: Path, text: str = TEXT, labels: str = LABELS) -> Path:
     return folder / "joints_s01_e02.txt"
 
 
-def test_a_take_is_read_with_its_labels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_take_is_read_with_its_labels(tmp_path: Path) -> None:
     """Frames between are on straight lines; of two actions that overlap the earlier ends where the later begins."""
     path = _written(tmp_path)
     assert find_recordings(tmp_path) == [path]
-    assert main(["info", str(path)]) == 0
-    assert "joints_s01_e02" in capsys.readouterr().out
+    assert "joints_s01_e02" in ran("info", path)[1]
     (take,) = read_takes(Sources([tmp_path]), Reading())
     assert (take.person, take.delivered.tolist()) == ("s01", [0, 2, 4])  # type: ignore[union-attr]  # a sensor's
     (clip,), segments = read_recordings(path), segments_beside(path)

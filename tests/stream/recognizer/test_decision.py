@@ -21,8 +21,6 @@ from kinespace.stream.recognizer.window import Window
 
 CLASSES = ("bow", "jump", "wave")
 NAMED = Outcome.NAMED
-#: The lead after which a class starts.
-NEEDED = 3.0
 MOVING = Signature({}, np.zeros(1), 0.1, 0.5, 0.5)
 
 

@@ -14,12 +14,12 @@ from typing import Any, get_args
 
 import figures
 import pytest
-from programs import ROOT
+from programs import ROOT, ran
 
 import kinespace.library
 import kinespace.stream
 from kinespace.stream.outputs.sink import Message
-from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
+from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS
 
 PACKAGES = ("library", "stream", "tools")
 #: The imports of a package: itself and these.
@@ -270,11 +270,10 @@ COMMANDS = re.findall(r"(?:^|(?<!from)[ /])kinespace +([a-z][^#&|>\n]*)", "\n".j
 ALL_PROGRAMS = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
 
 
-def options_of(program: str, capsys: pytest.CaptureFixture[str]) -> set[str]:
+@cache
+def options_of(program: str) -> set[str]:
     """Ask a program which options it has."""
-    with pytest.raises(SystemExit):
-        main([*program.split(), "--help"])
-    return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", capsys.readouterr().out))
+    return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", ran(*program.split(), "--help")[1]))
 
 
 @pytest.mark.slow
@@ -310,20 +309,20 @@ paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
     assert "\n".join(line for line in checked.stdout.splitlines() if line.startswith("example")) == ""
 
 
-def test_every_command_shown_exists(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_shown_exists() -> None:
     """Each command on a page names a program there is, with options it has."""
-    known = {program: options_of(program, capsys) for program in ALL_PROGRAMS}
     for line in COMMANDS:
         command = line.split()
         program = " ".join(command[:2]) if command[0] == "evaluate" else command[0]
         used = {word.partition("=")[0] for word in command if re.match(r"--?[a-z]", word)}
-        assert used <= known[program], line
+        assert program in ALL_PROGRAMS, line
+        assert used <= options_of(program), line
 
 
-def test_every_program_with_json_has_a_row_on_its_page(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_program_with_json_has_a_row_on_its_page() -> None:
     """The rows are those of the programs that take `--json`; `test_experiments` compares the evaluations' keys."""
     rows = re.findall(r"^\| `([a-z ]+)`", PAGES[ROOT / ".github/docs/json.md"], re.MULTILINE)
-    assert set(rows) == {each for each in ALL_PROGRAMS if "--json" in options_of(each, capsys)}
+    assert set(rows) == {each for each in ALL_PROGRAMS if "--json" in options_of(each)}
 
 
 def anchors(text: str) -> set[str]:

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import SMALL_CLASSES, small_library
+from programs import SMALL_CLASSES, ran, small_library
 from written import trc_text
 
 from kinespace.library import MotionLibrary
 from kinespace.library.windows.rejection import Evidence
-from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.learn import Lesson, fitted
 
 pytestmark = pytest.mark.slow
@@ -60,15 +59,14 @@ def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_library_of_one_person_is_taught_by_its_other_motions(
-    small_file: Path, takes_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_file: Path, takes_file: Path, tmp_path: Path
 ) -> None:
     """Its own motions are named, strangers' sneaking is named as seldom as a rate says; single examples are refused."""
     several = MotionLibrary.load(small_file)
     own = several.without(actors=several.actors[1:])
-    arguments = ["learn", str(tmp_path / "own.npz"), "--takes", str(takes_file), "--json", "-o"]
+    arguments = ["learn", tmp_path / "own.npz", "--takes", takes_file, "--json", "-o"]
     own.save(tmp_path / "own.npz")
-    assert main([*arguments, str(tmp_path / "learned.npz")]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = json.loads(ran(*arguments, tmp_path / "learned.npz")[1])
     assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
     learned = MotionLibrary.load(tmp_path / "learned.npz")
     assert learned.actors == several.actors[:1]
@@ -76,5 +74,5 @@ def test_a_library_of_one_person_is_taught_by_its_other_motions(
     assert printed[-1]["takes_found"] == 1
     single = own.without(motions=[each for each in own.motions if each.class_name == _CLASSES[0]][1:])
     single.save(tmp_path / "own.npz")
-    assert main([*arguments, str(tmp_path / "single.npz")]) == 2
-    assert f"got one of {_CLASSES[0]}" in capsys.readouterr().err
+    status, _, said = ran(*arguments, tmp_path / "single.npz")
+    assert (status, f"got one of {_CLASSES[0]}" in said) == (2, True)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from golden import message
-from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
+from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, ran, started
 
 from kinespace.library.naming import Naming, hdm05
 from kinespace.stream import Announcement, Event, EventKind, Frame, Outcome, Progress, Recognition, Recognizer, osc
@@ -23,7 +23,6 @@ from kinespace.stream.outputs import NativeLayout
 from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.recognition import Done
 from kinespace.stream.zeromq.keys import make_keys
-from kinespace.tools.cli.main import main
 
 EXAMPLES = ROOT / "tools" / "examples"
 #: The class that the examples' motion is of.
@@ -113,14 +112,12 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_examples_come_with_the_program() -> None:
     """`kinespace examples` lists every file, prints one as it is, and says which names there are."""
-    assert main(["examples"]) == 0
-    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(capsys.readouterr().out.splitlines())
-    assert main(["examples", "node.mjs"]) == 0
-    assert capsys.readouterr().out == (EXAMPLES / "node.mjs").read_text(encoding="utf-8")
-    assert main(["examples", "node"]) == 2
-    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in capsys.readouterr().err
+    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= {*ran("examples")[1].splitlines()}
+    assert ran("examples", "node.mjs") == (0, (EXAMPLES / "node.mjs").read_text(encoding="utf-8"), "")
+    status, _, said = ran("examples", "node")
+    assert (status, "lists, got 'node', perhaps node.mjs is meant" in said) == (2, True)
 
 
 PACKAGE = ROOT / "tools" / "examples" / "unity"

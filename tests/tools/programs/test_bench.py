@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from programs import ran
 
 from kinespace.stream import Settings
-from kinespace.tools.cli.main import main
 from kinespace.tools.programs import bench
 from kinespace.tools.programs.latency import measure
 
@@ -47,11 +47,10 @@ def _short_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_short_rounds")
-def test_one_part_prints_exactly_the_standard_figures(capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_part_prints_exactly_the_standard_figures() -> None:
     """One part gives one JSON object: all names, its own figures, null for the others."""
-    assert main(["bench", "stages", "--json"]) == 0
-    output, errors = capsys.readouterr()
-    assert (errors, output.count("\n")) == ("", 1)
+    status, output, errors = ran("bench", "stages", "--json")
+    assert (status, errors, output.count("\n")) == (0, "", 1)
     figures = json.loads(output)
     assert set(figures) == KEYS
     assert {name for name, figure in figures.items() if figure is not None} == set(bench.STAGES)

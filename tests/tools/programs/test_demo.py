@@ -5,9 +5,9 @@ import math
 from functools import partial
 
 import pytest
+from programs import ran
 
 from kinespace.library import MotionLibrary
-from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.service import background_service
 from kinespace.tools.programs import demo
 
@@ -23,11 +23,10 @@ def fast(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demo, "clip_cues", partial(demo.clip_cues, speed=SPEED))
 
 
-def test_the_demo_names_every_motion(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_demo_names_every_motion() -> None:
     """It prints exactly one JSON object in which every class was played, answered and right."""
-    assert main(["demo", "--json"]) == 0
-    printed, errors = capsys.readouterr()
-    assert (printed.count("\n"), errors) == (1, "")
+    status, printed, errors = ran("demo", "--json")
+    assert (status, printed.count("\n"), errors) == (0, 1, "")
     described = json.loads(printed)
     assert set(described) == {"played", "answered", "right", "late", "p99_ms"}
     assert described["right"] == described["played"] == described["answered"] == 11
@@ -35,7 +34,7 @@ def test_the_demo_names_every_motion(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_recogniser_that_knows_other_names_is_not_right(
-    small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Answers other than the expected ones do not count: no motion is right, and the status is 1."""
     other = small_library.renamed({name: f"not {name}" for name in small_library.classes})
@@ -43,5 +42,5 @@ def test_a_recogniser_that_knows_other_names_is_not_right(
     monkeypatch.setattr(
         demo.service, "background_service", lambda *of, **more: background_service(*of, **{**more, "library": other})
     )
-    assert main(["demo", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out) == {"played": 3, "answered": 0, "right": 0, "late": 0, "p99_ms": None}
+    status, printed, _ = ran("demo", "--json")
+    assert (status, json.loads(printed)) == (1, {"played": 3, "answered": 0, "right": 0, "late": 0, "p99_ms": None})

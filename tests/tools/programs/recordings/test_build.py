@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import ran
 from recorded import JOINTS, SWINGS, write_clip, write_clips
 from synthetic import ARM, TinyBone, amc_text
 
@@ -17,59 +18,51 @@ from kinespace.library.windows.opening import opened
 from kinespace.stream.frame import Frame
 from kinespace.stream.inputs.kinerec import RawPacket, RawWriter
 from kinespace.stream.osc.messages import encode_frame
-from kinespace.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
-
-
-def build(*arguments: object) -> int:
-    """Run `kinespace build` in this process."""
-    return main(["build", *map(str, arguments)])
 
 
 # --- recordings --------------------------------------------------------------------------------------------------
 
 
-def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_becomes_a_library(tmp_path: Path) -> None:
     """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
     (tmp_path / "cut").mkdir()
     paths = write_clips(tmp_path / "cut")
     output = tmp_path / "mine.npz"
-    assert build(tmp_path / "cut", "-o", output) == 0
+    status, printed, _ = ran("build", tmp_path / "cut", "-o", output)
     built = MotionLibrary.load(output)
     assert built.classes == tuple(sorted(SWINGS))
     assert set(built.skeleton.joints) == set(JOINTS)
     for one, other in zip(built.motions, MotionLibrary.of_clips(read_recordings(paths)).motions, strict=True):
         assert np.array_equal(one.positions, other.positions)
     assert {motion.frame_rate for motion in built.motions} == {60.0}
-    megabytes = output.stat().st_size / 1e6
-    assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
+    assert (status, printed) == (0, f"{output}: 12 motions, 3 classes, {output.stat().st_size / 1e6:.2f} MB\n")
 
 
-def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labels_beside_recordings_cut_them(tmp_path: Path) -> None:
     """Labels beside a take with its name are used, and odd labels cause a remark."""
     cut, whole = write_clip(tmp_path, "bd", "bendLeft", 1), write_clip(tmp_path, "bd", "bendLeft", 2)
     cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
     output = tmp_path / "library.npz"
-    assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
+    _, printed, _ = ran("build", cut, whole, "-o", output)
     assert [motion.class_name for motion in MotionLibrary.load(output).motions] == ["bendLeft", "down", "up"]
-    printed = capsys.readouterr().out
     assert "1 of 2 recordings cut by the labels next to them" in printed
     assert "1 of 3 labels reach beyond the take (0.0 to 1.5 s): 0 shortened, 1 left out" in printed
     cut.with_suffix(".csv").write_text("start_s,end_s,label\n20.5,180,up\n")
-    assert main(["build", str(cut), "-o", str(tmp_path / "none.npz")]) == 2
-    assert "expected segments with two frames or more" in capsys.readouterr().err
+    status, _, said = ran("build", cut, "-o", tmp_path / "none.npz")
+    assert (status, "expected segments with two frames or more" in said) == (2, True)
 
 
-def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_lost_in_silence(tmp_path: Path) -> None:
     """Files that are passed over, a second file of labels and labels of somebody else are listed."""
     (tmp_path / "cut").mkdir()
     take = write_clip(tmp_path / "cut", "bd", "bendLeft", 1)
     take.with_suffix(".csv").write_text("start_s,end_s,label,performer\n0,0.75,up,bd\n0.75,1.5,down,zoe\n")
     take.with_suffix(".txt").write_text("0.0\t0.75\tup\n")
     (tmp_path / "cut" / "notes.csv").write_text("day;weather\n")
-    assert build(tmp_path / "cut", "-o", tmp_path / "library.npz") == 0
-    name, printed = take.stem, capsys.readouterr().out.splitlines()
+    _, out, _ = ran("build", tmp_path / "cut", "-o", tmp_path / "library.npz")
+    name, printed = take.stem, out.splitlines()
     assert printed[0].startswith(f"{tmp_path / 'library.npz'}: 1 motion, 1 class, ")
     assert printed[1:] == [
         "1 of 1 recording cut by the labels next to them",
@@ -79,13 +72,12 @@ def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixtur
     ]
 
 
-def test_all_damaged_recordings_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_damaged_recordings_are_named(tmp_path: Path) -> None:
     """A folder with damaged files ends with one line that names ten of them, and how many more there are."""
     for number in range(12):
         (tmp_path / f"{number:02}.bvh").write_text("HIERARCHY\n")
-    assert build(tmp_path, "-o", tmp_path / "library.npz") == 2
-    message = capsys.readouterr().err
-    assert message.count("\n") == 1
+    status, _, message = ran("build", tmp_path, "-o", tmp_path / "library.npz")
+    assert (status, message.count("\n")) == (2, 1)
     assert [f"{number:02}.bvh" in message for number in range(12)] == [True] * 10 + [False] * 2
     assert message.endswith("; and 2 more\n")
 
@@ -99,10 +91,10 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     for actor in ("bd", "mm"):
         (tmp_path / actor).mkdir()
         write_clips(tmp_path / actor, actors=(actor,), takes=1)
-        build(tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
+        ran("build", tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
     write_clips(tmp_path / "cut", actors=("bd", "tr"), takes=1)
     sources = (tmp_path / "bd.npz", tmp_path / "mm.npz", tmp_path / "cut")
-    assert build(*sources, "-o", tmp_path / "all.npz") == 0
+    assert ran("build", *sources, "-o", tmp_path / "all.npz")[0] == 0
     assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
         (class_name, actor) for class_name in sorted(SWINGS) for actor in ("bd", "mm", "tr")
     ]
@@ -113,7 +105,7 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     MotionLibrary.builtin().save(tmp_path / "all.npz")
     options = ("--without", "bk", "--without", "squat1Reps", "--without", "tr", "--rename", "grabHighR=grab")
     options = (*options, "--rename", "sneak2StepsLStart=sneak", "--rename", f"throwBasketball={NOTHING}")
-    assert build(tmp_path / "all.npz", "-o", tmp_path / "some.npz", *options) == 0
+    assert ran("build", tmp_path / "all.npz", "-o", tmp_path / "some.npz", *options)[0] == 0
     some, every = MotionLibrary.load(tmp_path / "some.npz"), MotionLibrary.builtin()
     assert some.actors == ("bd", "dg", "mm")
     gone = {"squat1Reps", "grabHighR", "sneak2StepsLStart", "throwBasketball"}
@@ -122,9 +114,6 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     assert {motion.name for motion in some.motions} == {motion.name for motion in kept}
     nothing = [motion.name for motion in some.motions if motion.class_name == NOTHING]
     assert nothing == [motion.name for motion in kept if motion.class_name == "throwBasketball"]
-
-
-# --- the file ----------------------------------------------------------------------------------------------------
 
 
 # --- cut -------------------------------------------------------------------------------------------------------------
@@ -165,13 +154,12 @@ def _filled_in(labels: Path) -> None:
         written.writerows(rows)
 
 
-def test_an_evening_becomes_a_library(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_evening_becomes_a_library(evening: Path) -> None:
     """Cut proposes a row for each movement of each performer; with classes filled in, build makes a library of it."""
     labels, library = evening.with_suffix(".csv"), evening.with_name("mine.npz")
-    assert main(["cut", str(evening)]) == 0
-    assert "6 movements of ann, bo" in capsys.readouterr().out
+    assert "6 movements of ann, bo" in ran("cut", evening)[1]
     _filled_in(labels)
-    assert main(["build", str(evening), "--labels", str(labels), "-o", str(library)]) == 0
+    assert ran("build", evening, "--labels", labels, "-o", library)[0] == 0
     built = MotionLibrary.load(library)
     assert [(motion.class_name, motion.actor) for motion in built.motions] == [
         (name, performer) for name in "abc" for performer in ("ann", "bo")
@@ -191,12 +179,12 @@ def test_an_evening_becomes_a_library(evening: Path, capsys: pytest.CaptureFixtu
         ("1,2,,ann", "no segment in it"),
     ],
 )
-def test_labels_that_do_not_fit(evening: Path, capsys: pytest.CaptureFixture[str], row: str, message: str) -> None:
+def test_labels_that_do_not_fit(evening: Path, row: str, message: str) -> None:
     """Labels that do not fit their recording are refused in one line."""
     labels = evening.with_name("labels.csv")
     labels.write_text(f"start_s,end_s,label,performer\n{row}\n")
-    assert main(["build", str(evening), "--labels", str(labels), "-o", str(evening.with_name("m.npz"))]) == 2
-    assert message in capsys.readouterr().err
+    status, _, said = ran("build", evening, "--labels", labels, "-o", evening.with_name("m.npz"))
+    assert (status, message in said) == (2, True)
 
 
 # --- info ------------------------------------------------------------------------------------------------------------
@@ -209,11 +197,10 @@ def _row(printed: str, class_name: str) -> list[str]:
 
 
 @pytest.mark.usefixtures("wide")
-def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_the_built_in_library() -> None:
     """Without a file, every class of the built-in library has its row, then come its terms."""
-    assert main(["info"]) == 0
-    printed = capsys.readouterr().out
-    library = MotionLibrary.builtin()
+    (status, printed, _), library = ran("info"), MotionLibrary.builtin()
+    assert status == 0
     assert printed.startswith("built-in ")
     for index, class_name in enumerate(library.classes):
         motions = [motion for motion in library.motions if motion.class_name == class_name]
@@ -232,7 +219,7 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         assert f"\n{line}\n" in printed
 
 
-def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path) -> None:
     """HDM05's archive has a folder for each class, and the persons' skeletons beside: all is found by its names."""
     legs = [TinyBone(each, parent="upper", dof=("rx", "ry")) for each in ("lleg", "rleg", "neck")]
     body, archive = replace(ARM, bones=(*ARM.bones, *legs)), tmp_path / "hdm05_cut_amc"
@@ -247,12 +234,11 @@ def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path, capsys:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(amc_text(frames))
         (archive / f"HDM_{actor}.asf").write_text(replace(body, length=body.length * person).asf())
-    assert build(archive, "-o", tmp_path / "all.npz") == 0
+    assert ran("build", archive, "-o", tmp_path / "all.npz")[0] == 0
     library = MotionLibrary.load(tmp_path / "all.npz")
     assert (len(library.motions), len(library.classes), library.actors) == (260, 130, ("bd", "bk"))
-    capsys.readouterr()
-    assert main(["evaluate", "retrieval", str(archive), "--protocol", "actor-held-out", "--json"]) == 0
-    rows = {row["space"]: row for row in json.loads(capsys.readouterr().out)}
+    _, printed, _ = ran("evaluate", "retrieval", archive, "--protocol", "actor-held-out", "--json")
+    rows = {row["space"]: row for row in json.loads(printed)}
     assert {(row["motions"], row["classes"], row["persons"]) for row in rows.values()} == {(260, 130, 2)}
     assert rows["distances"]["nearest"] > 0.9
     assert rows["distances"]["confusion"]["class7"]["class7"] == 1.0

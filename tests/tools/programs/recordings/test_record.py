@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, Program, started, until
+from programs import LOOPBACK, Program, ran, started, until
 from recorded import JOINTS
 
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, encode_header, encode_packet
-from kinespace.tools.cli.main import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -52,17 +51,10 @@ def received(receiver: osc.OscReceiver, count: int) -> list[bytes]:
     return got
 
 
-def replay(*arguments: object) -> int:
-    """Run `kinespace replay` in this process."""
-    return main(["replay", *map(str, arguments)])
-
-
 # --- recording ---------------------------------------------------------------------------------------------------
 
 
-def test_recorded_packets_are_replayed_bit_for_bit(
-    tmp_path: Path, stage: osc.OscReceiver, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, stage: osc.OscReceiver) -> None:
     """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
     path, sent = tmp_path / "a.kinerec", datagrams(200)
     with recording(path) as (program, sender):
@@ -78,9 +70,9 @@ def test_recorded_packets_are_replayed_bit_for_bit(
     assert len({packet.sender for packet in packets}) == 1
     # A process that is held between two looks at a clock dates a packet a little early.
     assert all(first.arrival <= second.arrival + 0.5 for first, second in pairwise(packets))
-    assert replay(path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json") == 0
+    status, printed, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json")
     told = dict.fromkeys(("left_out", "failed", "unheard"), 0) | {"sent": 200, "lost_from": None}
-    assert json.loads(capsys.readouterr().out) == told
+    assert (status, json.loads(printed)) == (0, told)
     assert received(stage, 200) == sent
 
 
@@ -97,24 +89,23 @@ def a_recording(path: Path) -> Path:
     return written(path, *(RawPacket(index / 8, 0, "x:1", (each,)) for index, each in enumerate(encoded)))
 
 
-def test_info_describes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_a_recording(tmp_path: Path) -> None:
     """Info gives length, senders with packets, performers with frames, and the place of a cut."""
     path = a_recording(tmp_path / "a.kinerec")
     path.write_bytes(path.read_bytes() + b"torn")
-    assert main(["info", str(path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = ran("info", path)[1].splitlines()
     assert lines[0] == f"{path}: recorded now, 0.9 s"
     assert lines[1:4] == ["osc here from x:1: 8 packets", "performer ann: 5 frames", "performer bob: 1 frames"]
     assert "the 4 bytes from there on are not read" in lines[4]
 
 
-def test_a_recording_becomes_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_becomes_numbers(tmp_path: Path) -> None:
     """Times and positions are the sent ones, in one order of joints, in .npz and in CSV."""
     frames = np.random.default_rng(8).normal(size=(6, 6, 3)).astype(np.float32)
     path = a_recording(tmp_path / "a.kinerec")
     for name in ("a.npz", "a.csv"):
-        assert main(["convert", str(path), "-o", str(tmp_path / name), "--performer", "ann"]) == 0
-        assert "4 frames of 6 joints, 1 frames of other joints left out" in capsys.readouterr().out
+        status, printed, _ = ran("convert", path, "-o", tmp_path / name, "--performer", "ann")
+        assert (status, "4 frames of 6 joints, 1 frames of other joints left out" in printed) == (0, True)
     with np.load(tmp_path / "a.npz", allow_pickle=False) as numbers:
         assert numbers["time"].tolist() == [1.0, 2.0, 3.0, 4.0]
         np.testing.assert_array_equal(numbers["positions"], frames[:4])

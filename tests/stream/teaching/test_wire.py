@@ -10,8 +10,15 @@ from kinespace.stream.teaching.commands import CommandError, Tried
 TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
 
 
+def _read(said: bytes | dict[str, object]) -> list[commands.Command]:
+    """Read an OSC packet, or a request in JSON."""
+    if isinstance(said, dict):
+        return [commands.decode_json(json.dumps(said).encode())]
+    return commands.decode(commands.said_in(said)[0])
+
+
 @pytest.mark.parametrize(
-    ("packet", "command"),
+    ("said", "command"),
     [
         (encode_message("/motion/teach", "ann", "wave"), commands.Teach("ann", "wave")),
         (encode_message("/motion/teach", "", "nothing", 3.0, 1), commands.Teach("", "nothing", 3, 1.0)),
@@ -24,18 +31,6 @@ TOO_OFTEN = "if you did not do it, teach nothing, or show a larger gesture"
         (encode_message("/motion/teach/wrong", "ann"), commands.Wrong("ann")),
         (encode_message("/motion/Ada_1/count/reset"), commands.Reset("Ada_1")),
         (encode_message("/motion/*/count/reset", 1), commands.Reset()),
-    ],
-)
-def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
-    """Every OSC message of the page is the command that it stands for."""
-    said, others = commands.said_in(packet)
-    assert (commands.decode(said), others) == ([command], 0)
-    assert commands.said_in(encode_bundle(encode_message("/other", 1), packet)) == (said, 1)
-
-
-@pytest.mark.parametrize(
-    ("request_", "command"),
-    [
         ({"do": "teach", "performer": "ann", "class": "wave"}, commands.Teach("ann", "wave")),
         ({"do": "teach", "class": "wave", "performer": "", "countdown": 0}, commands.Teach("", "wave", 1, 0.0)),
         ({"do": "forget", "class": "wave"}, commands.Forget("wave")),
@@ -43,18 +38,21 @@ def test_commands_over_osc(packet: bytes, command: commands.Command) -> None:
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
         ({"do": "wrong", "performer": "ann"}, commands.Wrong("ann")),
         (
-            {"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": 5.5},
-            commands.Last("ann", 2.0, "wave", 5.5),
+            {"do": "last", "performer": "", "seconds": 2.0, "class": "bow", "ago": 5.5},
+            commands.Last("", 2.0, "bow", 5.5),
         ),
     ],
 )
-def test_commands_in_json(request_: dict[str, object], command: commands.Command) -> None:
-    """Every JSON request is the command that it stands for."""
-    assert commands.decode_json(json.dumps(request_).encode()) == command
+def test_commands_by_osc_and_in_json(said: bytes | dict[str, object], command: commands.Command) -> None:
+    """Every OSC message of the page, and every JSON request, is the command that it stands for."""
+    assert _read(said) == [command]
+    if isinstance(said, bytes):
+        alone, among_others = commands.said_in(said), encode_bundle(encode_message("/other", 1), said)
+        assert (alone[1], commands.said_in(among_others)) == (0, (alone[0], 1))
 
 
 @pytest.mark.parametrize(
-    ("packet", "told"),
+    ("said", "told"),
     [
         (encode_message("/motion/teach", "ann", "a/b"), "without /"),
         (encode_message("/motion/teach", "ann", "still"), "another name"),
@@ -68,18 +66,6 @@ def test_commands_in_json(request_: dict[str, object], command: commands.Command
         (encode_message("/motion/teach/jump"), "expected one of"),
         (b"/motion/teach", "expected OSC"),
         (encode_bundle(*[encode_message("/motion/teach/undo")] * 9), "at most 8 commands, got 9"),
-    ],
-)
-def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
-    """A command that cannot be read raises one line with the expectation."""
-    with pytest.raises(CommandError, match=told) as raised:
-        commands.decode(commands.said_in(packet)[0])
-    assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    ("request_", "told"),
-    [
         ({"do": "teach", "class": "wave"}, "teach: expected performer, class, .*, got no performer"),
         ({"do": "enable", "class": "wave"}, "enable: expected class, on, got no on"),
         # Half a character, which JSON can write and no transport can send.
@@ -89,10 +75,11 @@ def test_bad_commands_are_one_line(packet: bytes, told: str) -> None:
         ({"do": "last", "performer": "ann", "seconds": 2.0, "class": "wave", "ago": -1.0}, "ago"),
     ],
 )
-def test_bad_requests_are_one_line(request_: dict[str, object], told: str) -> None:
-    """A request that lacks an argument, has another one, or a number out of range names it."""
-    with pytest.raises(CommandError, match=told):
-        commands.decode_json(json.dumps(request_).encode())
+def test_bad_commands_are_one_line(said: bytes | dict[str, object], told: str) -> None:
+    """A command that cannot be read, lacks an argument or has another one raises one line with the expectation."""
+    with pytest.raises(CommandError, match=told) as raised:
+        _read(said)
+    assert "\n" not in str(raised.value)
 
 
 def test_notices() -> None:

@@ -167,7 +167,7 @@ def _written_amc(path: Path, generator: np.random.Generator, frames: int, metres
     asf = path.with_suffix(".asf")
     asf.write_text(body.asf())
     path.write_text(amc_text(motion, header=":DEGREES\n:SAMPLES-PER-SECOND 100"))
-    return Written(path, tuple(naive.read_asf(asf).joints), naive.clip_positions(asf, path))
+    return Written(path, tuple(naive.Asf(asf).joints), naive.clip_positions(asf, path))
 
 
 def _written_bvh(path: Path, generator: np.random.Generator, frames: int, metres: float) -> Written:

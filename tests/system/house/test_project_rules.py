@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -224,25 +225,22 @@ def test_every_evaluation_has_figures() -> None:
     assert {arguments[0] for arguments in figures.RUNS.values()} == set(EXPERIMENTS)
 
 
-HOUSE = Path(__file__).parents[3]
-
-
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_path: Path) -> None:
     """Mkdocs takes warnings for errors; each page is in its list, and each public name has an entry."""
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{HOUSE / '.ci' / 'mkdocs.yml'}"]
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{ROOT / '.ci' / 'mkdocs.yml'}"]
     # griffe, which reads the sources, looks for packages by folder, as mypy does.
-    packages = HOUSE / ".venv" / "packages" / "kinespace"
+    packages = ROOT / ".venv" / "packages" / "kinespace"
     packages.mkdir(parents=True, exist_ok=True)
     for room in ("library", "stream", "tools"):
         link = packages / room
         if not link.exists():
-            link.symlink_to(HOUSE / room)
+            link.symlink_to(ROOT / room)
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     done = subprocess.run([*command, "-d", f"{tmp_path}"], capture_output=True, text=True, check=False, env=environment)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     pages = {page.stem for page in (tmp_path / "docs").glob("*.html")}
-    assert pages == {page.stem for page in (HOUSE / ".github" / "docs").glob("*.md")}
+    assert pages == {page.stem for page in (ROOT / ".github" / "docs").glob("*.md")}
     front, api = ((tmp_path / page).read_text(encoding="utf-8") for page in ("index.html", "docs/api.html"))
     for page in pages:
         assert f'href="docs/{page}.html"' in front
@@ -416,3 +414,48 @@ def test_every_file_in_a_package_is_declared() -> None:
         within = [path for path in within if not {"__pycache__", "node_modules"} & {*path.parts}]
         own = {path for path in within if package_folder(path) == ROOT / folder}
         assert {path for path in own if path.suffix not in (".py", ".so", ".pyd", ".c", ".h")} <= declared <= own
+
+
+# --- what CONTRIBUTING says of adding things, done in a copy of the program -------------------------------------------
+
+
+RECIPES = tomllib.loads(Path(__file__).with_name("recipes.toml").read_text(encoding="utf-8"))
+
+
+def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:
+    """Copy the program into a folder, and change some of its texts."""
+    for room in ("library", "stream", "tools"):
+        shutil.copytree(ROOT / room, folder / "kinespace" / room, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "tools" / "front" / "__init__.py", folder / "kinespace")
+    for name, changes in edits.items():
+        path = folder / "kinespace" / name
+        text = path.read_text(encoding="utf-8")
+        for before, after in changes.items():
+            assert text.count(before) == 1, before
+            text = text.replace(before, after)
+        path.write_text(text, encoding="utf-8")
+
+
+def _run(folder: Path, script: str) -> str:
+    environment = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert not done.returncode, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_a_part_of_the_signature_is_added_in_one_file(tmp_path: Path) -> None:
+    """It is read off a live window and off the library's alike, learned, and compared."""
+    _changed(tmp_path, RECIPES["part"]["edits"])
+    assert re.fullmatch("squat1Reps|clap5Reps", _run(tmp_path, RECIPES["part"]["uses"]).strip())
+
+
+@pytest.mark.slow
+def test_a_message_is_added_in_five_files(tmp_path: Path) -> None:
+    """As a value, in each transport, in the layouts, and where the service says it."""
+    assert len(RECIPES["message"]["edits"]) == 5
+    _changed(tmp_path, RECIPES["message"]["edits"])
+    _run(tmp_path, RECIPES["message"]["uses"])

@@ -265,7 +265,7 @@ def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: Motion
 
 
 def test_ctrl_c_while_saving_changes_nothing(tmp_path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The old file is untouched, and no half of a new one is left; `test_every_write` lets each call fail."""
+    """The old file is untouched, and no half of a new one is left; `test_whichever_write_fails` lets each fail."""
 
     def interrupted(file: io.BufferedWriter, **_: object) -> None:
         file.write(b"PK\x03\x04 half of a file")

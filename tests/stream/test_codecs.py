@@ -10,7 +10,6 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
-import singlepart
 import wrong
 from fuzzfeeds import READERS, read_broken
 from golden import bundle, message
@@ -109,7 +108,7 @@ def _through_three_parts(frame: Frame, seq: int, joints: Sequence[str] | None) -
 
 
 def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> list[object]:
-    packed = singlepart.encode(frame, seq, joints)
+    packed = wrong.in_one_part(frame, seq, joints)
     assert decode_packed(packed, 0.0).seq == seq
     return [*ZmqDecoder().decode([packed], 77.0, None)]
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from programs import ran, small_library
-from recorded import write_clips, write_take
+from written import write_clips, write_take
 
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn

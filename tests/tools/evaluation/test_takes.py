@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from programs import SMALL_CLASSES, ran, small_library
-from recorded import write_take
 from synthetic import stick_clip
-from written import trc_text
+from written import trc_text, write_take
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, distance_rows
 from kinespace.library.recordings import ActorIn

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from golden import message
 from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, ran, small_library, started
-from recorded import write_clips
+from written import write_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming, hdm05

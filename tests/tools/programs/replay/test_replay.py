@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from programs import LOOPBACK, PATIENCE, free_udp_port, ran, small_library
-from recorded import write_clip, write_clips
+from written import write_clip, write_clips
 
 from kinespace.library import MotionLibrary, Reading, opened, read_recordings
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc

@@ -26,11 +26,12 @@ PACKAGES = ("library", "stream", "tools")
 #: The imports of a package: itself and these.
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: Folders and files that do no input or output, and know no clock and no thread.
-CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
-CORE += ("stream/osc/packet.py", "stream/osc/messages.py", "stream/outputs/layouts.py")
-CORE += ("stream/zeromq/messages.py",)
-CORE += ("stream/inputs/decoder.py", "stream/inputs/detection.py", "stream/packet.py", "stream/inputs/takes.py")
-CORE += tuple(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset"))
+CORE = (
+    *("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py", "stream/packet.py"),
+    *("stream/osc/packet.py", "stream/osc/messages.py", "stream/outputs/layouts.py", "stream/zeromq/messages.py"),
+    *(f"stream/inputs/{name}.py" for name in ("decoder", "detection", "takes")),
+    *(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset")),
+)
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "selectors", "multiprocessing", "logging"}
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
@@ -170,10 +171,8 @@ def test_no_source_says_where_it_was_written() -> None:
     said = []
     for path in project_files():
         if path.suffix in TEXT:
-            text = path.read_text(encoding="utf-8")
-            said += [
-                f"{name_of(path)}: {folder}" for folder in MACHINE_FOLDERS if re.search(rf"(?<![\w.]){folder}", text)
-            ]
+            found = re.findall(rf"(?<![\w.])(?:{'|'.join(MACHINE_FOLDERS)})", path.read_text(encoding="utf-8"))
+            said += [f"{name_of(path)}: {folder}" for folder in found]
     assert said == []
 
 
@@ -365,54 +364,39 @@ def test_the_pages_stay_short() -> None:
     assert words["robustness.md"] <= 1_800
 
 
-#: Each folder that is shipped, and the name it is imported by.
-FOLDERS = {"tools/front": "kinespace"} | {
-    path.parent.relative_to(ROOT).as_posix(): f"kinespace.{path.parent.relative_to(ROOT).as_posix().replace('/', '.')}"
-    for top in ("library", "stream", "tools")
-    for path in sorted((ROOT / top).rglob("__init__.py"))
-    if path.parent != ROOT / "tools" / "front"
-}
-
-#: Folders of files without modules of the product, which count as packages, too.
-FILES = {
-    f"kinespace.{name_of(folder).replace('/', '.')}": name_of(folder)
-    for package in PACKAGES
-    for folder in (ROOT / package).rglob("*")
-    if folder.is_dir()
-    and not (folder / "__init__.py").exists()
-    and not {"__pycache__", "node_modules"} & {*folder.parts}
-}
+def shipped() -> dict[str, Path]:
+    """Give each folder of the packages by the name it is imported by; folders of files count as packages, too."""
+    tops = [ROOT / package for package in PACKAGES]
+    folders = [each for top in tops for each in (top, *top.rglob("*")) if each.is_dir() and not _is_made(each)]
+    named = {f"kinespace.{name_of(folder).replace('/', '.')}": folder for folder in folders}
+    return {name.replace("kinespace.tools.front", "kinespace"): folder for name, folder in named.items()}
 
 
-def project() -> dict[str, dict[str, Any]]:
-    """Read pyproject.toml."""
-    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+def _is_made(path: Path) -> bool:
+    return bool({"__pycache__", "node_modules"} & {*path.parts})
 
 
-def package_folder(path: Path) -> Path:
-    """Find the folder of the package that a file belongs to, as its module or as its data."""
-    files = {ROOT / folder for folder in FILES.values()}
-    return next(folder for folder in path.parents if folder in files or (folder / "__init__.py").exists())
+def setup() -> dict[str, Any]:
+    """Read what pyproject.toml tells setuptools."""
+    told: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    return told
 
 
 def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
-    setuptools = project()["tool"]["setuptools"]
-    assert sorted(setuptools["packages"]) == sorted([*FOLDERS.values(), *FILES])
-    assert len(FOLDERS) > 10
-    assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
-        str(ROOT / folder / "__init__.py") for folder in FOLDERS
+    assert sorted(setup()["packages"]) == sorted(shipped())
+    modules = {name: folder / "__init__.py" for name, folder in shipped().items() if (folder / "__init__.py").exists()}
+    assert len(modules) > 10
+    assert {name: find_spec(name).origin for name in modules} == {  # type: ignore[union-attr]
+        name: str(path) for name, path in modules.items()
     }
 
 
 def test_every_file_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
-    declared_by = project()["tool"]["setuptools"]["package-data"]
-    for package, folder in ({package: folder for folder, package in FOLDERS.items()} | FILES).items():
-        declared = {path for each in declared_by.get(package, []) for path in (ROOT / folder).glob(each)}
-        within = [path for path in (ROOT / folder).rglob("*") if path.is_file()]
-        within = [path for path in within if not {"__pycache__", "node_modules"} & {*path.parts}]
-        own = {path for path in within if package_folder(path) == ROOT / folder}
+    for package, folder in shipped().items():
+        declared = {path for each in setup()["package-data"].get(package, []) for path in folder.glob(each)}
+        own = {path for path in folder.iterdir() if path.is_file()}
         assert {path for path in own if path.suffix not in (".py", ".so", ".pyd", ".c", ".h")} <= declared <= own
 
 

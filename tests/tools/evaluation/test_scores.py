@@ -477,32 +477,27 @@ def _unused() -> NoReturn:
     raise AssertionError
 
 
-def _names(fold: Fold) -> list[str]:
-    return [take.clip.name for take in fold.takes]
-
-
 def _sources(fold: Fold) -> set[str]:
     """Name the takes that a fold's library was cut from."""
     return {motion.take for motion in fold.library.motions}
 
 
-def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
-    """Leaving one take out its library is cut from all others, the same person's among them."""
-    folds = folds_of(takes, Protocol.LEAVE_ONE_TAKE_OUT, _unused)
-    everybody = {take.clip.name for take in takes}
-    assert [_names(fold) for fold in folds] == [[take.clip.name] for take in takes]
-    assert [_sources(fold) for fold in folds] == [everybody - {take.clip.name} for take in takes]
-    assert {fold.person for fold in folds} == {""}
-    assert len(folds[0].library) == 8
+@pytest.mark.parametrize("protocol", [each for each in Protocol if each is not Protocol.LIBRARY])
+def test_who_asks_is_recognised_by_others(takes: list[Take], protocol: Protocol) -> None:
+    """Each take by all others, the same person's among them; each person by all others, or the others by each person.
 
-
-@pytest.mark.parametrize("protocol", [Protocol.LEAVE_ONE_PERSON_OUT, Protocol.ONE_PERSON])
-def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol: Protocol) -> None:
-    """Each person is recognised by all others together, or recognises all others: one library for a whole fold."""
+    No library has motions of a take that asks.
+    """
     own = {"ann": ["ann1", "ann2"], "ben": ["ben3", "ben4"], "cid": ["cid5"]}
-    folds = {fold.person: fold for fold in folds_of(takes, protocol, _unused)}
-    assert list(folds) == list(own)
-    for person, fold in folds.items():
-        others = [name for each in own if each != person for name in own[each]]
-        asking, library = (others, own[person]) if protocol is Protocol.ONE_PERSON else (own[person], others)
-        assert (_names(fold), _sources(fold)) == (asking, set(library))
+    everybody = [name for names in own.values() for name in names]
+    asked = {"": [[name] for name in everybody]} if protocol is Protocol.LEAVE_ONE_TAKE_OUT else {}
+    asked = asked or {person: [names] for person, names in own.items()}
+    expected = [
+        (person, one, [each for each in everybody if each not in one]) for person in asked for one in asked[person]
+    ]
+    if protocol is Protocol.ONE_PERSON:
+        expected = [(person, asking, teaching) for person, teaching, asking in expected]
+    folds = folds_of(takes, protocol, _unused)
+    found = [(fold.person, [take.clip.name for take in fold.takes], sorted(_sources(fold))) for fold in folds]
+    assert found == expected
+    assert [len(fold.library) for fold in folds] == [2 * len(teaching) for _, _, teaching in expected]

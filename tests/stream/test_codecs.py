@@ -11,11 +11,11 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 import wrong
+from fakes import NAMED
 from fuzzfeeds import READERS, read_broken
 from golden import bundle, message
 from hypothesis import example, given
 from hypothesis import strategies as st
-from performed import NAMED
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
 

@@ -11,7 +11,7 @@ from operator import itemgetter
 import naive_courses as naive
 import numpy as np
 import pytest
-from naive_progress import Pace, beginning_of, gone_on, median, weighed
+from naive_courses import Pace, beginning_of, gone_on, median, weighed
 from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, distance_rows, opened

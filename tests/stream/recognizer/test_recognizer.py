@@ -12,10 +12,10 @@ import naive
 import naive_stream
 import numpy as np
 import pytest
+from fakes import assert_same, pushed, shown
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from naive_stream import NaiveFeed
-from performed import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened

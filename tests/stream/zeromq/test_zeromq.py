@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import zmq
-from performed import NAMED
+from fakes import NAMED
 from programs import LOOPBACK, PATIENCE, ran
 from zmq import Socket
 from zmq.auth import load_certificate

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from performed import pushed, shown
+from fakes import pushed, shown
 from synthetic import stick_clip, stick_clips
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, WindowIndex, by_joints, opened

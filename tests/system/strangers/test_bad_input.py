@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, REMARK, free_udp_port, started
+from programs import LOOPBACK, REMARK, free_udp_port, ran, started
 from synthetic import stick_clips
 from written import write_clip, write_clips
 
@@ -22,7 +22,6 @@ from kinespace.library import MotionLibrary
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.inputs import kinerec as rawfile
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
 
@@ -73,17 +72,13 @@ def places(tmp_path_factory: pytest.TempPathFactory, small_library: MotionLibrar
         assert zmq.receive() is udp.receive() is None
 
 
-def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def one_line(*arguments: object) -> str:
     """Run `kinespace`, which must end with 2 and one line on standard error; give the line.
 
     Before the line, remarks on bodies that could be read may stand.
     """
-    try:
-        status = main([str(argument) for argument in arguments])
-    except SystemExit as ended:
-        status = ended.code  # type: ignore[assignment]  # argparse gives a number
+    status, out, err = ran(*arguments)
     assert status == 2
-    out, err = capsys.readouterr()
     assert not out or arguments[0] == "replay" or "--teach" in arguments
     *remarks, line = (each for each in err.splitlines() if "no program listens" not in each)
     assert all(map(REMARK.search, remarks)), err
@@ -94,13 +89,13 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 @pytest.mark.skipif(os.name != "posix", reason="pipes and devices in folders")
 @pytest.mark.parametrize("command", REFUSED)
 def test_what_cannot_be_done_is_one_line(
-    command: str, places: dict[str, object], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: str, places: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The line names the file, the option or the value, what was expected and what came; no file is made or changed."""
     folder = Path(f"{places['folder']}")
     monkeypatch.chdir(folder / "empty")
     before = _there(folder)
-    assert REFUSED[command].format_map(places) in one_line(capsys, *command.format_map(places).split())
+    assert REFUSED[command].format_map(places) in one_line(*command.format_map(places).split())
     assert _there(folder) == before
 
 
@@ -114,23 +109,21 @@ def _there(folder: Path) -> dict[Path, tuple[int, int]]:
 
 
 @pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
-def test_an_impossible_arrival_ends_a_recording(
-    arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_impossible_arrival_ends_a_recording(arrival: float, tmp_path: Path) -> None:
     """A record with an impossible time counts as damage: the replay does not wait for it."""
     path = tmp_path / "far.kinerec"
     with closing(rawfile.RawWriter(path, ["osc 127.0.0.1:9310"])) as writer:
         for time in (1.0, arrival, 2.0):
             writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
     with closing(osc.OscReceiver(LOOPBACK, 0)) as somebody:
-        assert main(["replay", str(path), "--osc", f"{LOOPBACK}:{somebody.address[1]}"]) == 0
-    assert "cut off or damaged" in capsys.readouterr().out
+        status, out, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{somebody.address[1]}")
+    assert (status, "cut off or damaged" in out) == (0, True)
     recording = rawfile.RawFile(path)
     assert [packet.arrival for packet in recording.packets()] == [1.0]
     assert recording.damage()
 
 
-def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_control_characters_are_shown_as_marks(tmp_path: Path) -> None:
     """Class names, licences and a raw recording's header reach the terminal without control characters."""
     library, recording = tmp_path / "red.npz", tmp_path / "red.kinerec"
     stained = [
@@ -140,14 +133,14 @@ def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.Ca
     MotionLibrary.of_clips(stained).save(library)
     with closing(rawfile.RawWriter(recording, ["osc \x1b[2J"], {"\x1b[2J": ""})) as writer:
         writer.write(rawfile.RawPacket(1.0, 0, "\x1b[2J", (b"x",)))
-    for arguments in (["info", str(library)], ["info", str(recording)]):
-        assert main(arguments) == 0
-        out = capsys.readouterr().out
+    for file in (library, recording):
+        status, out, _ = ran("info", file)
+        assert status == 0
         assert "\N{REPLACEMENT CHARACTER}" in out
         assert all(character.isprintable() or character == "\n" for character in out)
     # A shell gives the names of a stranger's files as arguments.
     for refused in (["build", library, "--without", "\x1b[31mnobody", "-o", "made.npz"], ["info", "a", "\x9b2J"]):
-        assert one_line(capsys, *refused).isprintable()
+        assert one_line(*refused).isprintable()
 
 
 def _hierarchy(joints: str, closing: str, frames: int) -> str:
@@ -197,14 +190,14 @@ BOMBS: dict[str, tuple[str, Callable[[], str], str]] = {
 
 
 @pytest.mark.parametrize("kind", BOMBS)
-def test_some_megabytes_take_little_memory(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_some_megabytes_take_little_memory(kind: str, tmp_path: Path) -> None:
     """Counts and depths are bounded, and no number in a file says how much memory is taken."""
     name, text, line = BOMBS[kind]
     path = tmp_path / name
     path.write_text(text())
     path.with_suffix(".asf").write_text(":bonedata\n" + "a b\n" * 400_000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert line in one_line(capsys, "info", path)
+    assert line in one_line("info", path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 150_000
 
 

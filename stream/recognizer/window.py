@@ -444,12 +444,12 @@ class _Sums:
         self.first, self.second = np.zeros((2, shape[-1])), np.zeros(shape)
         self.sums = self.reference, self.clock, self.first, self.second
         self.floor = self._drift = 0.0
-        self.near = np.eye(NEAR, shape[-1])
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows."""
         self.begin = self.end = 0
+        self.near = np.eye(NEAR, len(self.reference))
 
     def follow(self, times: Numbers, rows: Numbers, end: int) -> None:
         """Follow the rows up to before one of them."""

@@ -21,7 +21,7 @@ import numpy as np
 import zmq
 from chaos.attacks import Place, place_of
 from chaos.performer import stream
-from chaos.trial import ended_with, page_of, started
+from chaos.trial import ended_with, memory_of, page_of, started
 from chaos.trials import slow
 from numpy.typing import NDArray
 from programs import Program
@@ -53,10 +53,7 @@ class Held(NamedTuple):
     @classmethod
     def by(cls, process: int) -> "Held":
         """Read them, as Linux tells."""
-        place = Path(f"/proc/{process}")
-        pages = int((place / "statm").read_text(encoding="ascii").split()[1])
-        threads = len(list((place / "task").iterdir()))
-        return cls(pages * os.sysconf("SC_PAGE_SIZE") / (1 << 20), len(list((place / "fd").iterdir())), threads)
+        return cls(memory_of(process), *(len([*Path(f"/proc/{process}/{each}").iterdir()]) for each in ("fd", "task")))
 
 
 def held(program: Program) -> dict[str, Held]:

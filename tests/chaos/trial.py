@@ -122,10 +122,10 @@ def started(options: Sequence[str] = (), place: Place = _ANY) -> Iterator[Progra
         yield program
 
 
-def memory_of(program: Program) -> float:
-    """Give a program's resident memory in megabytes, as Linux counts it; NaN elsewhere, and when it is gone."""
+def memory_of(process: int) -> float:
+    """Give a process's resident memory in megabytes, as Linux counts it; NaN elsewhere, and when it is gone."""
     try:
-        pages = Path(f"/proc/{program.process.pid}/statm").read_text(encoding="ascii").split()[1]
+        pages = Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1]
     except (OSError, IndexError):
         return float("nan")
     return int(pages) * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
@@ -167,7 +167,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
         performer = Performer(place, cues, trial.over)
         begun = performer.begin()
         _wait(begun + begin)
-        before = most = memory_of(program)
+        before = most = memory_of(program.process.pid)
         go.set()
         line = trial.deed(program, folder, during) if trial.deed else ""
         if trial.killed:
@@ -175,16 +175,16 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
             program.process.wait()
             program = opened.enter_context(started(options[1], place))
         while time.perf_counter() < begun + end:
-            most = max(most, memory_of(program))
+            most = max(most, memory_of(program.process.pid))
             time.sleep(0.1)
         stop.set()
         attacker.join(_PATIENCE)
         ended = time.perf_counter() - begun
-        most = max(most, memory_of(program))
+        most = max(most, memory_of(program.process.pid))
         _wait(begun + ended + _AFTER)
-        while memory_of(program) > before + _BACK_WITHIN and time.perf_counter() < begun + ended + _MEMORY:
+        while memory_of(program.process.pid) > before + _BACK_WITHIN and time.perf_counter() < begun + ended + _MEMORY:
             time.sleep(0.1)
-        memory = (before, most, memory_of(program))
+        memory = (before, most, memory_of(program.process.pid))
         # Ctrl-C while a program starts ends it with 1.
         place_of(program)
         performance, status = performer.end(), ended_with(program)

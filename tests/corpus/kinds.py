@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 import struct
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import ezc3d
 import numpy as np
@@ -62,9 +63,21 @@ class Kind:
 
 
 BODY = body()
+OTHER = BODY + np.array([1.5, 0, 0])
+#: Two bodies beside each other.
+BOTH = np.concatenate([BODY, OTHER], axis=1)
 TIMES = np.arange(len(BODY)) / RATE
 PELVIS = ("LASI", "RASI", "LPSI", "RPSI")
 _PELVIS = BODY[:, :1] + np.array([[0.12, 0, 0.1], [-0.12, 0, 0.1], [0.05, 0, -0.1], [-0.05, 0, -0.1]])
+
+
+def _kinds(
+    ending: str, texts: Mapping[str, tuple[str, Mapping[str, Any]]], front: str = "", encoding: str = "latin-1"
+) -> dict[str, Kind]:
+    return {
+        front + name: Kind(**{"ending": ending, "content": text.encode(encoding), **said})
+        for name, (text, said) in texts.items()
+    }
 
 
 # --- tables ----------------------------------------------------------------------------------------------------------
@@ -85,9 +98,22 @@ def table(  # noqa: PLR0913 - a table may differ in many ways
     moments = list(times) or [f"{time:.4f}" for time in TIMES]
     rows = [[*([clock] if clock else []), *(name for name, _ in more), *(head(n, a) for n in names for a in "xyz")]]
     for moment, frame in zip(moments, positions, strict=False):
-        numbers = ["" if value != value else f"{value:.4f}" for value in frame.ravel().tolist()]  # noqa: PLR0124 - NaN
-        rows.append([*([str(moment)] if clock else []), *(str(value) for _, value in more), *numbers])
-    return first + "".join(mark.join(row) + "\n" for row in rows)
+        rows.append([*([str(moment)] if clock else []), *(str(value) for _, value in more), *_numbers(frame)])
+    return first + _lines(rows, mark)
+
+
+def _numbers(frame: NDArray[np.float64]) -> list[str]:
+    """Write a frame's numbers to a tenth of a millimetre, NaN as nothing."""
+    return ["" if value != value else f"{value:.4f}" for value in frame.ravel().tolist()]  # noqa: PLR0124 - NaN
+
+
+def _lines(rows: Iterable[Iterable[str]], mark: str = ",") -> str:
+    return "".join(mark.join(row) + "\n" for row in rows)
+
+
+def _frames(positions: NDArray[np.float64], lead: Callable[[int], str], mark: str = ",") -> str:
+    """Give a row for each frame, behind what its number leads to."""
+    return _lines(([lead(place), *_numbers(frame)] for place, frame in enumerate(positions)), mark)
 
 
 def _without(joint: str, value: float | NDArray[np.float64], frames: slice = slice(None)) -> NDArray[np.float64]:
@@ -98,51 +124,28 @@ def _without(joint: str, value: float | NDArray[np.float64], frames: slice = sli
 
 def _several_rows(names: Sequence[str], axes: Sequence[str], lead: Sequence[Sequence[str]], kinds: str) -> str:
     """Give the rows of a header that names joints over the first, or every, of their columns."""
-    over = (
-        [name for name in names for _ in axes]
-        if kinds == "every"
-        else [cell for name in names for cell in (name, *[""] * (len(axes) - 1))]
-    )
-    return ",".join([*lead[0], *over]) + "\n" + ",".join([*lead[1], *axes * len(names)]) + "\n"
-
-
-def _frames(
-    numbers: Callable[[NDArray[np.float64]], Iterable[float]], lead: Callable[[int], str], mark: str = ","
-) -> str:
-    return "".join(
-        mark.join([lead(index), *(f"{value:.4f}" for value in numbers(frame))]) + "\n"
-        for index, frame in enumerate(BODY)
-    )
+    over = [cell if kinds == "every" or place == 0 else "" for cell in names for place in range(len(axes))]
+    return _lines([[*lead[0], *over], [*lead[1], *axes * len(names)]])
 
 
 def _motive() -> str:
     """Motive 2 and 3: seven rows, a rotation before each position, and a marker of the skeleton behind the bones."""
-    columns = [
-        (f"Ann:{name}", kind, axis)
-        for name in NAMES
-        for kind, axes in (("Rotation", "XYZW"), ("Position", "XYZ"))
-        for axis in axes
-    ]
+    kinds = (("Rotation", "XYZW"), ("Position", "XYZ"))
+    columns = [(f"Ann:{name}", kind, axis) for name in NAMES for kind, axes in kinds for axis in axes]
     columns += [("Ann:WaistLFront", "Position", axis) for axis in "XYZ"] + [("Ann:WaistLFront", "Marker Quality", "")]
-    types = ["Bone"] * 7 * len(NAMES) + ["Bone Marker"] * 4
     head = "Format Version,1.23,Take Name,Take 1,Capture Frame Rate,60.000000,Export Frame Rate,60.000000,Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\n\n"
-    head += "".join(
-        ",".join(["", title, *cells]) + "\n"
-        for title, cells in (
-            ("Type", types),
-            ("Name", [name for name, _, _ in columns]),
-            ("ID", [f"{sum(map(ord, name)):032X}" for name, _, _ in columns]),
-            ("", [kind for _, kind, _ in columns]),
-        )
+    head += _lines(
+        [
+            ["", "Type", *["Bone"] * 7 * len(NAMES), *["Bone Marker"] * 4],
+            ["", "Name", *(name for name, _, _ in columns)],
+            ["", "ID", *(f"{sum(map(ord, name)):032X}" for name, _, _ in columns)],
+            ["", "", *(kind for _, kind, _ in columns)],
+            ["Frame", "Time (Seconds)", *(axis for _, _, axis in columns)],
+        ]
     )
-    head += ",".join(["Frame", "Time (Seconds)", *(axis for _, _, axis in columns)]) + "\n"
-
-    def numbers(frame: NDArray[np.float64]) -> Iterable[float]:
-        for place in frame.tolist():
-            yield from (0.1, 0.2, 0.3, 0.9, *place)
-        yield from (5.0, 5.0, 6.0, 1.0)
-
-    return head + _frames(numbers, lambda index: f"{index},{index / RATE:.6f}")
+    bones = np.concatenate([np.broadcast_to((0.1, 0.2, 0.3, 0.9), (48, 16, 4)), BODY], axis=2).reshape(48, -1)
+    marker = np.broadcast_to((5.0, 5.0, 6.0, 1.0), (48, 4))
+    return head + _frames(np.hstack([bones, marker]), lambda place: f"{place},{place / RATE:.6f}")
 
 
 def _rigid() -> str:
@@ -158,14 +161,8 @@ def _rigid() -> str:
     says = "Format Version,1.24,Take Name,Take 1,Take Notes,,Export Frame Rate,60.000000,Length Units,Millimeters\n\n"
     front = 1000 * _PELVIS[:, :2].reshape(-1, 6)
     measured = np.concatenate([front, front + np.tile([1500.0, 0, 0], 2)], axis=1)
-    frames = np.concatenate([measured + 7, measured], axis=1).tolist()
-    return (
-        says
-        + "".join(",".join(row) + "\n" for row in rows)
-        + "".join(
-            f"{n},{n / RATE:.6f}," + ",".join(f"{each:.4f}" for each in frame) + "\n" for n, frame in enumerate(frames)
-        )
-    )
+    frames = np.concatenate([measured + 7, measured], axis=1)
+    return says + _lines(rows) + _frames(frames, lambda place: f"{place},{place / RATE:.6f}")
 
 
 def _vicon(title: str = "Trajectories", axes: Sequence[str] = "XYZ", units: str = "mm,mm,mm") -> str:
@@ -174,8 +171,8 @@ def _vicon(title: str = "Trajectories", axes: Sequence[str] = "XYZ", units: str 
         "Devices\n600\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n1,0,0.1,0.2,700.5\n1,1,0.1,0.2,700.6\n\n"
     )
     head = _several_rows([f"Ann:{name}" for name in NAMES], axes, (["", ""], ["Frame", "Sub Frame"]), "first")
-    turns = np.full((16, len(axes) - 3), 0.5)
-    rows = _frames(lambda frame: np.hstack([turns, frame * 1000]).ravel().tolist(), lambda index: f"{index + 1},0")
+    turns = np.full((48, 16, len(axes) - 3), 0.5)
+    rows = _frames(np.concatenate([turns, BODY * 1000], axis=2), lambda place: f"{place + 1},0")
     return f"{forces}{title}\n{RATE:.0f}\n{head},,{','.join([units] * 16)}\n{rows}"
 
 
@@ -189,7 +186,7 @@ def _vicon_parts() -> str:
 
 def _vicon_old() -> str:
     head = _several_rows([f"Ann:{name}" for name in NAMES], "XYZ", ([""], ["Field #"]), "first")
-    rows = _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda place: str(place + 1))
+    rows = _frames(BODY * 1000, lambda place: str(place + 1))
     return f"TRAJECTORIES\n60,Hz\n{head}{rows}"
 
 
@@ -197,24 +194,17 @@ def _qualisys(*, columns: bool = True) -> str:
     names = "\t".join(NAMES)
     head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
     heads = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
-    return (
-        head
-        + f"Frame\tTime\t{heads}\n" * columns
-        + _frames(lambda frame: (frame * 1000).ravel().tolist(), lambda index: f"{index + 1}\t{index / RATE:.5f}", "\t")
-    )
+    rows = _frames(BODY * 1000, lambda place: f"{place + 1}\t{place / RATE:.5f}", "\t")
+    return head + f"Frame\tTime\t{heads}\n" * columns + rows
 
 
 def _skeleton() -> str:
     """Put a joint's name into the header in front of its axes, over an empty column."""
     heads = "\t".join(["Frame", "Time", *(f"{name}\tX\tY\tZ\tQX\tQY\tQZ\tQW" for name in NAMES)])
-    turn = "\t0.1\t0.2\t0.3\t0.9"
-    rows = [
-        [str(place + 1), f"{time:.5f}", *("\t" + "\t".join(f"{1000 * x:.3f}" for x in point) + turn for point in frame)]
-        for place, (time, frame) in enumerate(zip(TIMES, BODY.tolist(), strict=True))
-    ]
-    return f"NO_OF_FRAMES\t48\nFREQUENCY\t60\nREFERENCE\tGLOBAL\n{heads}\n" + "".join(
-        "\t".join(row) + "\n" for row in rows
-    )
+    empty, turns = np.full((48, 16, 1), np.nan), np.broadcast_to((0.1, 0.2, 0.3, 0.9), (48, 16, 4))
+    numbers = np.concatenate([empty, 1000 * BODY, turns], axis=2)
+    rows = _frames(numbers, lambda place: f"{place + 1}\t{TIMES[place]:.5f}", "\t")
+    return f"NO_OF_FRAMES\t48\nFREQUENCY\t60\nREFERENCE\tGLOBAL\n{heads}\n{rows}"
 
 
 #: Numbers of a hand and a body, which both begin at 0; and names whose sides stand in a column of their own.
@@ -229,61 +219,51 @@ def _apart(names: Sequence[str], head: str) -> str:
 
 
 def _two_long() -> str:
-    rows = "".join(
-        f"{time:.4f},{who},{name},{x + shift:.4f},{y:.4f},{z:.4f}\n"
-        for time, frame in zip(TIMES, BODY.tolist(), strict=True)
-        for who, shift in (("a", 0.0), ("b", 1.5))
-        for name, (x, y, z) in zip(NAMES, frame, strict=True)
-    )
-    return f"time,who,joint,x,y,z\n{rows}"
+    names = [f"{who},{name}" for who in "ab" for name in NAMES]
+    return _long("{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", names=names, body=BOTH).replace("joint", "who,joint", 1)
 
 
 def _two(column: str, clock: str, ids: tuple[str, str]) -> str:
-    one, other = (
-        table(clock=clock, times=TIMES if clock == "time" else range(len(BODY)), more=[(column, name)], positions=each)
-        for name, each in zip(ids, (BODY, BODY + np.array([1.5, 0, 0])), strict=True)
+    """Put the rows of two bodies by turns."""
+    times = TIMES if clock == "time" else range(len(BODY))
+    (head, *one), (_, *other) = (
+        table(clock=clock, times=times, more=[(column, name)], positions=each).splitlines(keepends=True)
+        for name, each in zip(ids, (BODY, OTHER), strict=True)
     )
-    head, *first = one.splitlines(keepends=True)
-    return head + "".join(
-        line for pair in zip(first, other.splitlines(keepends=True)[1:], strict=True) for line in pair
-    )
+    return head + "".join(row for pair in zip(one, other, strict=True) for row in pair)
 
 
 def _beside() -> str:
     """Put two bodies beside each other, as DeepLabCut does it: scorer, individuals, parts, axes."""
     heads = [["scorer", *["me"] * 96], ["individuals", *["ann"] * 48, *["bob"] * 48]]
     heads += [["bodyparts", *(n for n in NAMES * 2 for _ in "xyz")], ["coords", *"xyz" * 32]]
-    rows = [
-        [str(place), *(f"{each:.4f}" for each in (*frame.ravel(), *(frame + np.array([1.5, 0, 0])).ravel()))]
-        for place, frame in enumerate(BODY)
-    ]
-    return "".join(",".join(row) + "\n" for row in heads + rows)
+    return _lines(heads) + _frames(BOTH, str)
 
 
-def _long(fields: str, *, by: str = "frame", names: Sequence[str] = NAMES, end: str = "", mark: str = ",") -> str:
+def _long(
+    fields: str,
+    *,
+    by: str = "frame",
+    names: Sequence[str] = NAMES,
+    end: str = "",
+    body: NDArray[np.float64] = BODY,
+) -> str:
     """Give a row for each joint, or for each coordinate (`{value}`), frame by frame or joint by joint."""
     head = fields.replace("{time:.4f}", "time").replace(":.4f", "").replace("{", "").replace("}", "")
-    rows = [
-        (place, joint, axis, value)
-        for place, frame in enumerate(BODY.tolist())
-        for joint, point in enumerate(frame)
-        for axis, value in (zip("xyz", point, strict=True) if "{value" in fields else [("", 0.0)])
-    ]
-    rows = rows if by == "frame" else sorted(rows, key=lambda row: row[1])
-    return (head + end + "\n").replace(",", mark) + "".join(
-        fields.format(
-            **dict(zip("xyz", BODY[place, joint].tolist(), strict=True)),
-            time=TIMES[place],
-            joint=names[joint],
-            id=joint,
-            axis=axis,
-            value=value,
-            frame=place,
-        )
-        + end.replace("score", "0.9")
-        + "\n"
-        for place, joint, axis, value in rows
-    ).replace(",", mark)  # fmt: skip
+    axes = range(3 if "{value" in fields else 1)
+    rows = [(place, joint, axis) for place in range(len(body)) for joint in range(len(names)) for axis in axes]
+    made = [head + end]
+    for place, joint, axis in rows if by == "frame" else sorted(rows, key=lambda row: row[1]):
+        point = body[place, joint].tolist()
+        said = {
+            "time": TIMES[place],
+            "joint": names[joint],
+            "id": joint,
+            "frame": place,
+            **dict(zip("xyz", point, strict=True)),
+        }
+        made.append(fields.format(axis="xyz"[axis], value=point[axis], **said) + end.replace("score", "0.9"))
+    return "\n".join([*made, ""])
 
 
 def _in_front(heads: str, fields: Callable[[int, float], str], text: str = "") -> str:
@@ -296,12 +276,7 @@ def _in_front(heads: str, fields: Callable[[int, float], str], text: str = "") -
 
 def _people(front: str, both: tuple[str, str]) -> str:
     """Put two bodies beside each other, whose names stand in front of the joints' ones."""
-    heads = ["time", *(f"{front.format(who, name)}_{axis}" for who in both for name in NAMES for axis in "xyz")]
-    rows = [
-        [f"{time:.4f}", *(f"{each:.4f}" for each in (*frame.ravel(), *(frame + np.array([1.5, 0, 0])).ravel()))]
-        for time, frame in zip(TIMES, BODY, strict=True)
-    ]
-    return "".join(",".join(row) + "\n" for row in [heads, *rows])
+    return table(names=[front.format(who, name) for who in both for name in NAMES], positions=BOTH)
 
 
 def _points(field: str, front: str = "") -> str:
@@ -351,7 +326,7 @@ def _tables() -> dict[str, Kind]:
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
         "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
-        "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1), more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
+        "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=BOTH, more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people, one never seen": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, np.zeros_like(BODY)], axis=1)), {"people": ("ann",), "tells": "never seen: bob"}),
         "two people by id, one never seen": (re.sub(r"(?m)^(.*?,2),.*", r"\1" + ",0" * 48, _two("id", "time", ("1", "2"))), {"people": ("1",), "tells": "or in none: 2"}),
@@ -385,7 +360,7 @@ def _tables() -> dict[str, Kind]:
         "Motive": (_motive(), {}),
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
-        "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "times: none"}),
+        "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(BODY, str), {"rate": 30.0, "tells": "times: none"}),
         "a row a joint": (_long("{frame},{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", end=",score").replace("time,joint", "timestamp,keypoint"), {}),
         "seconds beside milliseconds": (_in_front("Frame,SubFrame,seconds,ms,", lambda n, t: f"{n},0,{int(t + 0.5)},{(t + 0.5) % 1 * 1000:.3f},"), {}),
         "seconds beside nanoseconds": (_in_front("stamp.secs,stamp.nsecs,", lambda _, t: f"{17 * 10**8 + int(t + 0.5)},{int((t + 0.5) % 1 * 1e9)},"), {"near": 1e-3}),
@@ -481,8 +456,7 @@ def _tables() -> dict[str, Kind]:
         "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
-    made = {name: Kind(**{"ending": "csv", "content": text.encode(), **said}) for name, (text, said) in texts.items()}  # type: ignore[arg-type]
-    return made | {
+    return _kinds("csv", texts, encoding="utf-8") | {
         "UTF-16": Kind("csv", table(mark="\t").encode("utf-16")),
         "BOM, CRLF": Kind("csv", table().replace("\n", "\r\n").encode("utf-8-sig")),
         "tabs in a .txt": Kind("txt", table(mark="\t").encode()),
@@ -556,10 +530,7 @@ def _trcs() -> dict[str, Kind]:
         "nobody at first": (trc(positions=gone_at_first * 1000), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
         "in a .csv": (trc().replace("\t", ","), {"ending": "csv"}),
     }  # fmt: skip
-    return {
-        f"TRC, {name}": Kind(**{"ending": "trc", "content": text.encode("latin-1"), **said})
-        for name, (text, said) in texts.items()
-    }  # type: ignore[arg-type]
+    return _kinds("trc", texts, "TRC, ")
 
 
 # --- BVH -------------------------------------------------------------------------------------------------------------
@@ -581,12 +552,10 @@ def _bvh_body(*, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
     for node in nodes:
         if not node.children:
             node.children.append(Node(f"{node.name}_end", (0.0, 0.1, 0.0)))
-    sizes = [len(node.channels) for node in nodes[0].all() if node.channels]
-    frames = np.random.default_rng(4).uniform(-20, 20, (len(BODY), sum(sizes)))
-    starts = np.cumsum([0, *sizes[:-1]])
-    for start, size in zip(starts, sizes, strict=True):
-        if size == 6:
-            frames[:, start : start + 3] = [0.1, 1.0, 0.2] if start == 0 else 0.0
+    channels = [name for node in nodes[0].all() for name in node.channels]
+    frames = np.random.default_rng(4).uniform(-20, 20, (len(BODY), len(channels)))
+    frames[:, [name in MOVES for name in channels]] = 0.0
+    frames[:, :3] = 0.1, 1.0, 0.2
     return nodes[0], np.round(frames, 4)
 
 
@@ -629,11 +598,8 @@ def _bvhs() -> dict[str, Kind]:
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
     }  # fmt: skip
     # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.
-    made = {
-        f"BVH, {name}": Kind(**{"ending": "bvh", "content": text.encode("latin-1"), **said})
-        for name, (text, said) in texts.items()
-    }  # type: ignore[arg-type]
-    return made | {
+    # The order of the hierarchy is not that of NAMES, and a 'still' file has other turns than a plain one.
+    return _kinds("bvh", texts, "BVH, ") | {
         "BVH, Shift-JIS": Kind("bvh", plain.replace("JOINT Head", "JOINT 頭").encode("cp932"), lacking=("Head",))
     }
 
@@ -757,7 +723,7 @@ def _c3ds() -> dict[str, Kind]:
         "more frames than 16 bits": (c3d(positions=many, labels=NAMES[:2], whole=True, said=65_535), {"tells": "there are 72000", "names": ()}),
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
-        "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("A", "B")}),
+        "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=BOTH), {"people": ("A", "B")}),
         "two people, one never seen": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, np.full_like(BODY, np.nan)], axis=1)), {"people": ("A",), "tells": "never seen: B"}),
         "no last frame in the header": (_at(8, b"\0\0"), {"tells": "the header says 0"}),
         "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),

@@ -194,8 +194,8 @@ def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, amc_c
     _assert_equal(made, dataclasses.replace(builtin, motions=kept))
 
 
-#: Bytes that refusing any file here may take at most.
-LITTLE = 40_000_000
+#: Bytes that refusing any file here may take at most, and the motions of a file, fewer than really.
+LITTLE, MAX_MOTIONS = 40_000_000, 1000
 
 
 @pytest.fixture(scope="module")
@@ -265,7 +265,7 @@ def test_the_file_is_an_npz_without_pickle(content: bytes, small_library: Motion
 
 
 def test_ctrl_c_while_saving_changes_nothing(tmp_path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The old file is untouched, and no half of a new one is left; `test_every_write` lets each call fail."""
+    """The old file is untouched, and no half of a new one is left; `test_whichever_write_fails` lets each fail."""
 
     def interrupted(file: io.BufferedWriter, **_: object) -> None:
         file.write(b"PK\x03\x04 half of a file")
@@ -416,8 +416,8 @@ def _wandering(steps: NDArray[Any]) -> NDArray[Any]:
 
 
 def _many(header: dict[str, Any], arrays: dict[str, Any]) -> None:
-    """Repeat the fields of one motion for 100,001 motions."""
-    count = library_file.MAX_MOTIONS + 1
+    """Repeat the fields of one motion for a motion more than there may be."""
+    count = MAX_MOTIONS + 1
     header["motions"] = {name: [column[0]] * count for name, column in header["motions"].items()}
     header["motions"]["frames"] = [2] * count
     arrays["starts"] = np.zeros((count, 3), np.int32)
@@ -456,7 +456,7 @@ CRAFTED: list[tuple[Callable[..., None], str]] = [
     *((_said("motions", "frames", 0, to=to), "") for to in (0, 1, -24, 2.5, True, None, "24", float("nan"), 10**9)),
     (_long, "frames: expected at most 100000000 coordinates"),
     (_said("motions", "frames", 0, to=23), "positions: expected int16"),
-    (_many, "motions: expected 1 to 100000, got 100001"),
+    (_many, f"motions: expected 1 to {MAX_MOTIONS}, got {MAX_MOTIONS + 1}"),
     *(
         (_said("motions", "frame_rate", 0, to=to), "")
         for to in (0, -60.0, 0.5, 75.1, float("nan"), float("inf"), 10**400, "60", None)
@@ -484,8 +484,11 @@ CRAFTED: list[tuple[Callable[..., None], str]] = [
 
 
 @pytest.mark.parametrize(("change", "message"), CRAFTED, ids=range(len(CRAFTED)))
-def test_a_crafted_file_is_refused(content: bytes, tmp_path: Path, change: Callable[..., None], message: str) -> None:
+def test_a_crafted_file_is_refused(
+    content: bytes, tmp_path: Path, change: Callable[..., None], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A file put together anew with anything missing, added, of another kind or absurd is refused by name."""
+    monkeypatch.setattr(library_file, "MAX_MOTIONS", MAX_MOTIONS)
     header, arrays = _unpacked(content)
     change(header, arrays)
     _assert_refused(tmp_path / "crafted.npz", _packed(header, arrays), message)
@@ -502,8 +505,8 @@ def _with_member(content: bytes, name: str, member: bytes) -> bytes:
     return file.getvalue()
 
 
-#: A file of 0.1 MB that unpacks to this many bytes.
-HUGE = 120_000_000
+#: A file of some kilobytes that unpacks to this many bytes: more than may be taken.
+HUGE = 60_000_000
 
 
 @pytest.fixture(scope="module")

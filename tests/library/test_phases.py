@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive_progress import warped_phase
+from naive_courses import warped_phase
 from naive_windows import body_of
 from synthetic import STICK, stick_clip, stick_clips
 

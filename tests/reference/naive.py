@@ -5,8 +5,8 @@ one number at a time where that is bearable.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Matrix = NDArray[np.float64]
 
 
-# --- distances, covariance, principal axis -----------------------------------------------------------------------
+# --- distances, principal axis ------------------------------------------------------------------------------------
 
 
 def pairs(joints: int) -> list[tuple[int, int]]:
@@ -33,13 +33,6 @@ def distance_rows(positions: Matrix, measured: Sequence[tuple[int, int]]) -> Mat
                 total += (posture[first][coordinate] - posture[second][coordinate]) ** 2
             rows[frame, column] = math.sqrt(total)
     return rows
-
-
-def covariance(rows: Matrix) -> Matrix:
-    """Take the sample covariance of raw rows; one row alone has none."""
-    if len(rows) < 2:
-        return np.zeros((rows.shape[1], rows.shape[1]))
-    return np.atleast_2d(np.cov(rows, rowvar=False))
 
 
 def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
@@ -88,27 +81,6 @@ def retrieval(scores: Matrix, classes: Sequence[str], actors: Sequence[str], pro
 # --- Acclaim files -----------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Asf:
-    """The words of an ASF, unconverted: units, the root's lines and each bone's lines by their first word."""
-
-    units: dict[str, str] = field(default_factory=lambda: {"length": "1.0", "angle": "deg"})
-    root: dict[str, list[str]] = field(default_factory=dict)
-    bones: dict[str, dict[str, list[str]]] = field(default_factory=dict)
-    children: dict[str, list[str]] = field(default_factory=dict)
-    parents: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def joints(self) -> list[str]:
-        """The root, then the bones in the order in which the hierarchy names them as children."""
-        return ["root", *self.parents]
-
-    @property
-    def metres(self) -> float:
-        """Metres in one of the file's units of length."""
-        return 0.0254 / float(self.units["length"])
-
-
 def words_of(path: Path) -> list[list[str]]:
     """Split a file into the words of its lines, comments and empty lines left out."""
     text = path.read_bytes().decode("latin-1")
@@ -116,49 +88,44 @@ def words_of(path: Path) -> list[list[str]]:
     return [words for words in lines if words]
 
 
-def read_asf(path: Path) -> Asf:
-    """Read an ASF that is known to be good."""
-    asf, section, bone = Asf(), "", dict[str, list[str]]()
-    for first, *rest in words_of(path):
-        if first.startswith(":"):
-            section = first
-        elif section == ":units":
-            asf.units[first] = rest[0]
-        elif section == ":root":
-            asf.root[first] = rest
-        elif section == ":bonedata" and first == "begin":
-            bone = {}
-        elif section == ":bonedata" and first == "end":
-            asf.bones[bone["name"][0]] = bone
-        elif section == ":bonedata":
-            bone[first] = rest
-        elif section == ":hierarchy" and first not in ("begin", "end"):
-            asf.children.setdefault(first, []).extend(rest)
-            asf.parents.update(dict.fromkeys(rest, first))
-    return asf
+class Asf:
+    """The words of an ASF that is known to be good: units, the root's lines and each bone's lines by their first word.
+
+    `joints` are the root, then the bones in the order in which the hierarchy names them as children.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.units, self.root, self.bones = {"length": ["1.0"], "angle": ["deg"]}, dict[str, list[str]](), {}
+        self.children, self.joints = defaultdict[str, list[str]](list), ["root"]
+        bone, section = dict[str, list[str]](), ""
+        for first, *rest in words_of(path):
+            if first.startswith(":"):
+                section = first
+            elif section in (":units", ":root"):
+                {":units": self.units, ":root": self.root}[section][first] = rest
+            elif section == ":bonedata" and first == "begin":
+                bone = {}
+            elif section == ":bonedata" and first == "end":
+                self.bones[bone["name"][0]] = bone
+            elif section == ":bonedata":
+                bone[first] = rest
+            elif section == ":hierarchy" and first not in ("begin", "end"):
+                self.children[first] += rest
+                self.joints += rest
+        self.angle, self.metres = self.units["angle"][0], 0.0254 / float(self.units["length"][0])
 
 
-@dataclass
-class Amc:
-    """The numbers of an AMC: per frame its number and each bone's values, in the file's unit of angle."""
-
-    angle: str
-    numbers: list[int] = field(default_factory=list)
-    frames: list[dict[str, list[float]]] = field(default_factory=list)
-
-
-def read_amc(path: Path, asf: Asf) -> Amc:
-    """Read an AMC that is known to be good."""
-    amc = Amc(asf.units["angle"])
+def read_amc(path: Path, angle: str) -> tuple[str, list[dict[str, list[float]]]]:
+    """Read an AMC that is known to be good: its unit of angle, if not the skeleton's, and each frame's bones."""
+    frames = list[dict[str, list[float]]]()
     for first, *rest in words_of(path):
         if first.upper() in (":DEGREES", ":RADIANS"):
-            amc.angle = first[1:4].lower()
+            angle = first[1:4].lower()
         elif first.isdigit():
-            amc.numbers.append(int(first))
-            amc.frames.append({})
+            frames.append({})
         elif not first.startswith(":"):
-            amc.frames[-1][first] = [float(word) for word in rest]
-    return amc
+            frames[-1][first] = [float(word) for word in rest]
+    return angle, frames
 
 
 # --- forward kinematics ------------------------------------------------------------------------------------------
@@ -203,17 +170,17 @@ def posture(asf: Asf, frame: Mapping[str, Sequence[float]], angle: str) -> dict[
     shift = [float(word) for word in asf.root.get("position", ["0"] * 3)]
     places["root"] = np.array([(shift[i] + values.get(f"t{'xyz'[i]}", 0.0)) * asf.metres for i in range(3)])
     order = asf.root["axis"][0]
-    frame_of_root = _axis_frame(order, asf.root.get("orientation", ["0"] * 3), asf.units["angle"])
+    frame_of_root = _axis_frame(order, asf.root.get("orientation", ["0"] * 3), asf.angle)
     turns = {letter: radians(values[f"r{letter}"], angle) for letter in "xyz" if f"r{letter}" in values}
     turned = frame_of_root @ turn_in_order(order, turns) @ np.linalg.inv(frame_of_root)
 
     def hang(parent: str, parent_turned: Matrix) -> None:
-        for name in asf.children.get(parent, []):
+        for name in asf.children[parent]:
             bone = asf.bones[name]
             order = bone["axis"][3] if len(bone["axis"]) > 3 else "xyz"
             dof = [word.lower() for word in bone.get("dof", [])]
             turns = {word[1]: radians(value, angle) for word, value in zip(dof, frame.get(name, []), strict=True)}
-            own = _axis_frame(order, bone["axis"], asf.units["angle"])
+            own = _axis_frame(order, bone["axis"], asf.angle)
             turned = parent_turned @ own @ turn_in_order(order, turns) @ np.linalg.inv(own)
             direction = np.array([float(word) for word in bone["direction"][:3]])
             places[name] = places[parent] + turned @ (float(bone["length"][0]) * direction) * asf.metres
@@ -225,9 +192,9 @@ def posture(asf: Asf, frame: Mapping[str, Sequence[float]], angle: str) -> dict[
 
 def clip_positions(asf_path: Path, amc_path: Path, every: int = 1) -> Matrix:
     """Stand a body in every n-th frame of a recording, shape (frames, joints, 3), metres; gaps are not filled."""
-    asf = read_asf(asf_path)
-    amc = read_amc(amc_path, asf)
-    postures = [posture(asf, frame, amc.angle) for frame in amc.frames[::every]]
+    asf = Asf(asf_path)
+    angle, frames = read_amc(amc_path, asf.angle)
+    postures = [posture(asf, frame, angle) for frame in frames[::every]]
     return np.array([[places[joint] for joint in asf.joints] for places in postures])
 
 

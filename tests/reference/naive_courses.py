@@ -1,10 +1,12 @@
-"""Courses by definition: one step, one joint, one pair of directions at a time."""
+"""Courses and plausibility by definition: one step, one joint, one pair of directions at a time."""
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 #: The definition's constants: points, the blur, the least product, how much longer one way may be, and alike tilts.
 POINTS, BLUR, LEAST, LONGER, ALIKE = 12, 0.8, 0.01, 1 / 0.6, 0.9
@@ -102,3 +104,188 @@ def scatter_of(courses: Sequence[tuple[str, str, np.ndarray]]) -> np.ndarray:
                 differ += [*(each - nearest)]
         scatter += sum(np.outer(row, row) for row in differ) / len(differ) / len(people)
     return scatter * len(scatter) / np.trace(scatter)
+
+
+# --- plausibility: lengths, steps and frozen joints, one joint and one frame at a time --------------------------------
+
+
+Place = Sequence[float]
+Posture = Sequence[Place]
+
+
+def length(one: Place, other: Place) -> float:
+    """Say how far two places are apart, metres."""
+    return math.sqrt(sum((a - b) ** 2 for a, b in zip(one, other, strict=True)))
+
+
+def segment_lengths(posture: Posture, parents: Sequence[int]) -> list[float]:
+    """Measure each joint's distance from its parent, in the order of the joints that have one."""
+    return [length(posture[joint], posture[parent]) for joint, parent in enumerate(parents) if parent >= 0]
+
+
+def steps_between(before: Posture, after: Posture) -> list[list[float]]:
+    """Give each joint's step on each axis, metres."""
+    return [[b - a for a, b in zip(*pair, strict=True)] for pair in zip(before, after, strict=True)]
+
+
+def squares_about_mean(steps: Posture) -> float:
+    """Add up the squares of the steps about their mean, m²."""
+    mean = [sum(step[axis] for step in steps) / len(steps) for axis in range(3)]
+    return sum(length(step, mean) ** 2 for step in steps)
+
+
+def build_and_stretch(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[float], float]:
+    """Average the logarithm of each segment's length over postures; and the segments' standard deviations."""
+    logs = [[math.log(max(each, 0.01)) for each in segment_lengths(posture, parents)] for posture in postures]
+    of_segments = list(zip(*logs, strict=True))
+    means = [sum(each) / len(each) for each in of_segments]
+    squares = [sum((log - mean) ** 2 for log in each) for each, mean in zip(of_segments, means, strict=True)]
+    return means, sum(math.sqrt(each / len(logs)) for each in squares) / len(squares)
+
+
+def unlike(build: Sequence[float], other: Sequence[float]) -> float:
+    """Compare two builds, segments weighed by the other's lengths cubed, after the sizes are made equal."""
+    weights = [math.exp(each) ** 3 for each in other]
+    by = [one - log for one, log in zip(build, other, strict=True)]
+    mean = sum(w * each for w, each in zip(weights, by, strict=True)) / sum(weights)
+    return math.sqrt(sum(w * (each - mean) ** 2 for w, each in zip(weights, by, strict=True)) / sum(weights))
+
+
+def step_length(before: Posture, after: Posture, jumping: int) -> float:
+    """Give how far the so-many-th farthest joint steps, the body's own step, the middle one on each axis, apart."""
+    steps = steps_between(before, after)
+    own = [_median([step[axis] for step in steps]) for axis in range(3)]
+    return sorted((length(step, own) for step in steps), reverse=True)[jumping - 1]
+
+
+def keeps_its_place(places: Sequence[Place], within: float) -> bool:
+    """Say whether a joint stays within some metres on each axis."""
+    return all(max(p[axis] for p in places) - min(p[axis] for p in places) < within for axis in range(3))
+
+
+def _median(numbers: Sequence[float]) -> float:
+    ordered, middle = sorted(numbers), len(numbers) // 2
+    return ordered[middle] if len(numbers) % 2 else (ordered[middle - 1] + ordered[middle]) / 2
+
+
+# --- progress: time warping by its recursion, the forward filter a moment at a time -----------------------------------
+
+
+def warped_phase(first: NDArray[np.float64], second: NDArray[np.float64]) -> list[float]:
+    """Warp one recording onto another: the mean relative time of the frames that each of its frames is matched with."""
+
+    def cost(i: int, j: int) -> float:
+        return float(np.linalg.norm(first[i] - second[j]))
+
+    @cache
+    def cheapest(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
+        if i == j == 0:
+            return cost(0, 0), ((0, 0),)
+        ways = []
+        if i and j:
+            total, path = cheapest(i - 1, j - 1)
+            ways.append((total + 1.4 * cost(i, j), path))
+        if i:
+            total, path = cheapest(i - 1, j)
+            ways.append((total + cost(i, j), path))
+        if j:
+            total, path = cheapest(i, j - 1)
+            ways.append((total + cost(i, j), path))
+        total, path = min(ways, key=lambda way: way[0])
+        return total, (*path, (i, j))
+
+    _, path = cheapest(len(first) - 1, len(second) - 1)
+    last = max(len(second) - 1, 1)
+    return [float(np.mean([j / last for i, j in path if i == frame])) for frame in range(len(first))]
+
+
+def gone_on(belief: list[list[float]], beginning: Sequence[float], *, cyclic: bool) -> list[list[float]]:
+    """Move the probability of every moment of every recording on by one step."""
+    count, recordings = len(beginning), len(belief)
+    after = [[0.0] * count for _ in belief]
+    for recording, probabilities in enumerate(belief):
+        for moment, probability in enumerate(probabilities):
+            for moved, share in enumerate((0.55, 0.36, 0.09)):
+                if moment + moved < count:
+                    after[recording][moment + moved] += share * probability
+                else:
+                    again = (0.5 if cyclic else 0.02) * share * probability
+                    after[recording][count - 1] += share * probability - again
+                    for other in after:
+                        other[0] += again / recordings
+    changes, begins = 0.1, 1e-6
+    mean = [math.fsum(each) / recordings for each in zip(*after, strict=True)]
+    return [
+        [
+            (1 - changes - begins) * own + changes * usual + begins * begun / recordings
+            for own, usual, begun in zip(each, mean, beginning, strict=True)
+        ]
+        for each in after
+    ]
+
+
+def beginning_of(count: int) -> list[float]:
+    """Give how probable each moment of any recording is before the body is seen."""
+    phases = [moment / (count - 1) for moment in range(count)]
+    first = sum(phase < 0.12 for phase in phases)
+    later = sum((1 - phase) ** 4 for phase in phases if phase >= 0.12)
+    return [0.9 / first if phase < 0.12 else 0.1 * (1 - phase) ** 4 / later for phase in phases]
+
+
+def weighed(
+    belief: list[list[float]], vectors: NDArray[np.floating], live: NDArray[np.float64], sharpness: float
+) -> list[list[float]]:
+    """Weigh every moment by how alike the live body is, and let the probabilities sum to one."""
+    logs = [[-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in each] for each in vectors]
+    most = max(map(max, logs))
+    products = [
+        [each * math.exp(log - most) for each, log in zip(*pair, strict=True)]
+        for pair in zip(belief, logs, strict=True)
+    ]
+    total = math.fsum(map(math.fsum, products))
+    return [[each / total for each in own] for own in products]
+
+
+def median(belief: list[list[float]]) -> float:
+    """Give the phase below which half the probability lies; of a moment's a share that is its phase lies behind it."""
+    count, below, before = len(belief[0]), 0.0, (0.0, 0.0)
+    for moment in range(count):
+        own = math.fsum(each[moment] for each in belief)
+        phase = moment / (count - 1)
+        middle = below + own * (1 - phase)
+        if middle >= 0.5:
+            start, least = before if moment else (phase, middle)
+            return phase if middle == least else start + (phase - start) * (0.5 - least) / (middle - least)
+        below, before = below + own, (phase, middle)
+    return 1.0
+
+
+class Pace:
+    """How fast and how large a body moves, by sums over all that was seen, each step counting less than the next."""
+
+    def __init__(self, mean_speed: float) -> None:
+        self._floor = 0.1 * mean_speed
+        self._seen: list[tuple[float, float, float, float]] = []
+        self.speed = 1.0
+
+    def push(
+        self,
+        past: Sequence[NDArray[np.float64]],
+        velocity: NDArray[np.float64],
+        expected: tuple[float, float],
+        usual_swing: float,
+    ) -> None:
+        """Take in a step: all points so far, the newest velocity, the squared speeds and the log swing expected."""
+        span = max(2, round(30 / min(max(self.speed, 0.5), 1.5)))
+        last = np.array(past[-span:])
+        swing = 0.5 * math.log(sum(float(np.mean((each - each.mean()) ** 2)) for each in last.T) + 1e-6)
+        self._seen.append((float(np.sum(velocity**2)), *expected, swing - usual_swing))
+        live, one, other = (self._faded(which, 0.15) / self._faded(None, 0.15) + self._floor for which in range(3))
+        self.speed = math.sqrt(live / math.sqrt(one * other))
+        self.amplitude = math.exp(self._faded(3, 0.4) / self._faded(None, 0.4))
+
+    def _faded(self, which: int | None, seconds: float) -> float:
+        return math.fsum(
+            math.exp(-age / 30 / seconds) * (1.0 if which is None else each[which])
+            for age, each in enumerate(reversed(self._seen))
+        )

@@ -162,57 +162,58 @@ def numbers_of(  # noqa: PLR0913, PLR0917 - a window, and the body it is of
 # --- comparing ---------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class NaiveMetric:
-    """A linear map."""
-
-    origin: Matrix
-    axes: Matrix
-
-    def place(self, numbers: Matrix) -> Matrix:
-        """Move to the origin and look along each axis."""
-        return (numbers - self.origin) @ self.axes
+#: An origin, and axes along which vectors are seen from it; none where numbers stay as they are.
+Metric = tuple[Matrix, Matrix] | None
+Numbers = Mapping[tuple[str, float], Matrix]
 
 
-@dataclass(frozen=True)
-class NaiveComparison:
-    """How windows are compared: the parts of each group, its metric if it has several, and the groups' weights."""
+def seen_by(metric: Metric, numbers: Matrix) -> Matrix:
+    """Move to the origin and look along each axis."""
+    return numbers if metric is None else (numbers - metric[0]) @ metric[1]
 
-    groups: Sequence[Sequence[tuple[str, float]]]
-    parts: Mapping[tuple[str, float], NaiveMetric]
-    joint: Sequence[NaiveMetric | None]
-    views: Sequence[Sequence[float]]
 
-    def place(self, numbers: Mapping[tuple[str, float], Matrix]) -> list[Matrix]:
-        """Give the vector of each group; an eigen part that stands alone stays a matrix."""
-        placed = []
-        for group, metric in zip(self.groups, self.joint, strict=True):
-            if metric is None and group[0][0] == "eigen":
-                placed.append(numbers[group[0]])
-                continue
-            vectors = [
-                self.parts[part].place(as_vector(numbers[part]) if part[0] == "eigen" else numbers[part])
-                for part in group
-            ]
-            placed.append(vectors[0] if metric is None else metric.place(np.concatenate(vectors)))
-        return placed
+def as_vectors(numbers: Numbers, metrics: Mapping[tuple[str, float], Metric]) -> dict[tuple[str, float], Matrix]:
+    """See each part by its metric, the matrices of eigen parts as vectors."""
+    return {
+        part: seen_by(metric, as_vector(numbers[part]) if part[0] == "eigen" else numbers[part])
+        for part, metric in metrics.items()
+    }
 
-    def log_distances(self, asked: Sequence[Matrix], windows: Sequence[Matrix]) -> Matrix:
-        """Compare a window's groups with those of all windows: for each view the weighted mean of log distances.
 
-        Parameters
-        ----------
-        asked
-            The vector of each group, or its matrix.
-        windows
-            Of each group all windows' vectors (windows, axes), or matrices (windows, directions, directions).
-        """
-        squared = [
-            _squared_between(one, others) if one.ndim == 2 else np.sum((others - one) ** 2, axis=1)
-            for one, others in zip(asked, windows, strict=True)
-        ]
-        logs = np.log(np.maximum(squared, 0.0) + NEAREST)
-        return np.array([sum(weight * log for weight, log in zip(view, logs, strict=True)) for view in self.views])
+def placed(
+    numbers: Numbers,
+    groups: Sequence[Sequence[tuple[str, float]]],
+    metrics: Mapping[tuple[str, float], Metric],
+    joint: Sequence[Metric],
+) -> list[Matrix]:
+    """Give the vector of each group, by its metric if it has several parts; an eigen part alone stays a matrix."""
+    vectors = as_vectors(numbers, metrics)
+    return [
+        numbers[group[0]]
+        if metric is None and group[0][0] == "eigen"
+        else seen_by(metric, np.concatenate([vectors[part] for part in group]))
+        for group, metric in zip(groups, joint, strict=True)
+    ]
+
+
+def log_distances(asked: Sequence[Matrix], windows: Sequence[Matrix], views: Sequence[Sequence[float]]) -> Matrix:
+    """Compare a window's groups with those of all windows: for each view the weighted mean of log distances.
+
+    Parameters
+    ----------
+    asked
+        The vector of each group, or its matrix.
+    windows
+        Of each group all windows' vectors (windows, axes), or matrices (windows, directions, directions).
+    views
+        The weight of each group.
+    """
+    squared = [
+        _squared_between(one, others) if one.ndim == 2 else np.sum((others - one) ** 2, axis=1)
+        for one, others in zip(asked, windows, strict=True)
+    ]
+    logs = np.log(np.maximum(squared, 0.0) + NEAREST)
+    return np.array([sum(weight * log for weight, log in zip(view, logs, strict=True)) for view in views])
 
 
 def _squared_between(one: Matrix, others: Matrix) -> Matrix:

@@ -1,29 +1,22 @@
 """A library's windows for the slow twins: learned numbers are taken over, and the comparison is computed again."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
-from naive_windows import Matrix, NaiveComparison, NaiveMetric, as_vector, body_of, nearest, numbers_of, ratio
+from naive_windows import Matrix, as_vectors, body_of, log_distances, nearest, numbers_of, placed, ratio
 
 from kinespace.library import WindowIndex
+from kinespace.library.signature.parts import Part
 from kinespace.library.windows.comparison import Metric
 
 
-def _metric(metric: Metric | None) -> NaiveMetric | None:
-    return metric and NaiveMetric(metric.origin.astype(np.float64), metric.axes.astype(np.float64))
+def _known(metric: Metric | None) -> tuple[Matrix, Matrix] | None:
+    return metric and (metric.origin.astype(np.float64), metric.axes.astype(np.float64))
 
 
-def comparison_of(index: WindowIndex) -> NaiveComparison:
-    """Give the numbers by which an index compares windows."""
-    comparison = index.comparison
-    weighing = comparison.weighing
-    return NaiveComparison(
-        groups=[[(str(part.kind), part.seconds) for part in group] for group in weighing.groups],
-        parts={(str(part.kind), part.seconds): _metric(metric) for part, metric in comparison.parts.items()},
-        joint=[_metric(metric) for metric in comparison.groups],
-        views=weighing.weights,
-    )
+def _named(parts: Iterable[Part]) -> list[tuple[str, float]]:
+    return [(str(part.kind), part.seconds) for part in parts]
 
 
 class Twin:
@@ -38,7 +31,9 @@ class Twin:
     """
 
     def __init__(self, index: WindowIndex) -> None:
-        self.index, self.body, self.comparison = index, body_of(index.library.skeleton), comparison_of(index)
+        self.index, self.body, comparison = index, body_of(index.library.skeleton), index.comparison
+        self.groups, self.joint = [*map(_named, comparison.weighing.groups)], [*map(_known, comparison.groups)]
+        self.metrics = dict(zip(_named(comparison.parts), map(_known, comparison.parts.values()), strict=True))
         vectors = [each.astype(np.float64) for each in index.vectors]
         self.windows = [np.array([one.T @ one for one in each]) if each.ndim == 3 else each for each in vectors]
         motions = [index.library.motions[place] for place in index.motions]
@@ -46,12 +41,12 @@ class Twin:
 
     def numbers(self, ends: float, times: Matrix, rows: Matrix) -> dict[tuple[str, float], Matrix]:
         """Read all parts off the rows up to a time."""
-        parts = [(str(part.kind), part.seconds) for part in self.index.comparison.weighing.parts]
+        parts = _named(self.index.comparison.weighing.parts)
         return numbers_of(parts, ends, times, rows, self.index.basis.directions, self.body)
 
     def unlikelihoods(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
         """Give for each class its least negative ratio, the mean over the groups and in fives: (1, classes)."""
-        asked, best = self.comparison.place(numbers), dict[str, float]()
+        asked, best = placed(numbers, self.groups, self.metrics, self.joint), dict[str, float]()
         for window, name in enumerate(self.labels[0]):
             ratios = [ratio(one, others[window]) for one, others in zip(asked, self.windows, strict=True)]
             best[name] = max(sum(ratios) / len(ratios), best.get(name, -math.inf))
@@ -63,15 +58,13 @@ class Twin:
         head = self.index.head
         if head is None:
             return views.min(axis=0)
-        vectors = [
-            metric.place(as_vector(numbers[part]) if part[0] == "eigen" else numbers[part])
-            for part, metric in self.comparison.parts.items()
-        ]
+        vectors = [*as_vectors(numbers, self.metrics).values()]
         places = [head.classes.index(name) for name in sorted(set(self.labels[0]))]
         likely = (np.concatenate(vectors) @ head.factors + head.offsets)[places]
         return views.min(axis=0) + 0.06 * (np.logaddexp.reduce(likely) - likely)
 
     def log_distances(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
         """Compare with every window, one at a time: (views, classes)."""
-        views = self.comparison.log_distances(self.comparison.place(numbers), self.windows)
+        asked = placed(numbers, self.groups, self.metrics, self.joint)
+        views = log_distances(asked, self.windows, self.index.comparison.weighing.weights)
         return np.array([list(nearest(view, *self.labels).values()) for view in views])

@@ -3,11 +3,15 @@
 import math
 import socket
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from types import UnionType
 from typing import Any, TypeVar
 
-from kinespace.stream import Announcement, Frame, Performers
+import numpy as np
+from numpy.typing import NDArray
+
+from kinespace.stream import Announcement, Frame, Outcome, Performers, Recognition, Recognizer
 from kinespace.stream.outputs import Sink
 from kinespace.stream.outputs.sink import Message
 from kinespace.stream.recognition import Classes, Gone
@@ -125,3 +129,44 @@ class Bench:
         source.waiting.extend([frame] for frame in frames)
         while source.waiting:
             self.step()
+
+
+# --- the answers of a recogniser, and answers that must be the same ---------------------------------------------------
+
+
+#: The second of three classes is named.
+NAMED = Recognition(
+    performer="Ada",
+    time=4.0,
+    outcome=Outcome.NAMED,
+    classes=("bow", "jump", "wave"),
+    scores=np.array([0.25, 0.75, 0.5], dtype=np.float32),
+    movement=0.2,
+    share=0.8,
+    gap=0.6,
+    lead=0.5,
+    eigenvector_class="wave",
+    eigenvector_score=0.9,
+)
+
+
+def shown(
+    positions: Iterable[NDArray[np.floating]], rate: float = 120.0, *, begin: float = 0.0, performer: str = "p"
+) -> list[Frame]:
+    """Make the frames of a performer from a moment on."""
+    return [Frame(performer, begin + place / rate, each) for place, each in enumerate(positions)]
+
+
+def pushed(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
+    """Push frames; give the answers."""
+    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
+
+
+def assert_same(first: Sequence[Recognition], second: Sequence[Recognition], *others: str) -> None:
+    """Demand the same answers, bit for bit, but for some fields."""
+    assert len(first) == len(second) > 0
+    for one, other in zip(first, second, strict=True):
+        assert one.scores.tobytes() == other.scores.tobytes()
+        for each in fields(Recognition):
+            if each.name not in {"scores", *others}:
+                assert getattr(one, each.name) == getattr(other, each.name), each.name

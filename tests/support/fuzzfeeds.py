@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
-import singlepart
+import wrong
 from fakes import FakeReceiver
 from golden import LAYOUTS, bundle, message, moments
 
@@ -131,7 +131,7 @@ def golden_messages() -> list[list[bytes]]:
     generator = np.random.default_rng(2)
     frames = [Frame("jan", 1.0 + number / 30, generator.normal(size=(31, 3))) for number in range(3)]
     made = [zeromq.encode_frame(frame, number, SKELETON.joints) for number, frame in enumerate(frames)]
-    made += [[singlepart.encode(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
+    made += [[wrong.in_one_part(frame, number, SKELETON.joints)] for number, frame in enumerate(frames)]
     return made + [[packet] for packet in golden_packets("native")]
 
 

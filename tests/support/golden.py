@@ -9,7 +9,7 @@ import json
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,31 +61,14 @@ def named(preset: str, places: Places) -> dict[str, NDArray[np.floating]]:
     return {name: places[target] for name, target in joint_map.items() if target}
 
 
-def _as_it_is(x: float, y: float, z: float) -> tuple[float, ...]:
-    return x, y, z
-
-
-def joint_by_joint(
-    preset: str,
-    address: str,
-    place: Callable[[float, float, float], tuple[float, ...]] = _as_it_is,
-    tags: str = "",
-    *rest: object,
-) -> Layout:
-    """Make a layout of one message a joint: its name in the address, its place as the product counts, and the rest."""
-    return lambda moment: [
-        message(address.format(name), "fff" + tags, *place(*each), *rest)
-        for name, each in named(preset, moment.places).items()
-    ]
+def by_joint(preset: str, made: Callable[[str, Any, Moment], bytes]) -> Layout:
+    """Make a layout of one message for each joint: of its name as the product calls it, its place and the moment."""
+    return lambda moment: [made(name, place, moment) for name, place in named(preset, moment.places).items()]
 
 
 def bundled(layout: Layout) -> Layout:
     """Put all messages of a frame into one bundle."""
     return lambda moment: [bundle(*layout(moment))]
-
-
-def _millimetres(x: float, y: float, z: float) -> tuple[float, ...]:
-    return 1000 * x, 1000 * y, 1000 * z
 
 
 def native(moment: Moment) -> list[bytes]:
@@ -98,25 +81,9 @@ def native(moment: Moment) -> list[bytes]:
     ]
 
 
-def _osceletons(x: float, y: float, z: float) -> tuple[float, ...]:
-    """Give x and y as a share of 2.56 and 1.92 metres running backwards, z by 1.28."""
-    return (1.28 - x) / 2.56, (0.96 - y) / 1.92, z / 1.28
-
-
-def osceleton(moment: Moment) -> list[bytes]:
-    """Loose messages, with the joint and the user before the numbers."""
-    joints = named("osceleton", moment.places)
-    return [message("/joint", "sifff", name, 1, *_osceletons(*place)) for name, place in joints.items()]
-
-
-def osceleton2(moment: Moment) -> list[bytes]:
-    """Centimetres, confidence, and milliseconds as a double."""
-    joints = named("osceleton2", moment.places)
-    time = moment.time * 1000
-    return [
-        message("/osceleton2/joint", "siiffffd", name, 0, 1, 100 * x, 100 * y, 100 * z, 1.0, time)
-        for name, (x, y, z) in joints.items()
-    ]
+def _shares(place: Any) -> Any:  # noqa: ANN401 - three numbers
+    """Give OSCeleton's numbers: x and y as a share of 2.56 and 1.92 metres running backwards, z by 1.28."""
+    return (np.array([1.28, 0.96, 0]) - place * (1, 1, -1)) / (2.56, 1.92, 1.28)
 
 
 def nimate_omni(moment: Moment) -> list[bytes]:
@@ -126,14 +93,10 @@ def nimate_omni(moment: Moment) -> list[bytes]:
     return [message("/skeleton", "f" * len(numbers), *numbers)]
 
 
-def vrchat(moment: Moment) -> list[bytes]:
+def _vrchat(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three numbers
     """Numbered trackers and the head, Unity's axes: z the other way."""
-    joints = named("vrchat", moment.places)
-    numbers = {name: str(index) for index, name in enumerate(builtin_preset("vrchat").order, start=1)}
-    return [
-        message(f"/tracking/trackers/{numbers.get(name, name)}/position", "fff", x, y, -z)
-        for name, (x, y, z) in joints.items()
-    ]
+    numbers = {each: str(index) for index, each in enumerate(builtin_preset("vrchat").order, start=1)}
+    return message(f"/tracking/trackers/{numbers.get(name, name)}/position", "fff", *place * (1, 1, -1))
 
 
 def qtm(moment: Moment) -> list[bytes]:
@@ -151,13 +114,12 @@ def qtm(moment: Moment) -> list[bytes]:
 
 def natnet2osc(moment: Moment) -> list[bytes]:
     """Hierarchy on: one bundle of a message for each joint, with rigid bodies beside them."""
-    joints = named("natnet2osc", moment.places)
-    tags = "sfffffffifff"
-    bones = [
-        message(f"/skeleton/Jan/{name}", tags, name, *place, *_NO_TURN, 1, 0.0, 0.1, 0.0)
-        for name, place in joints.items()
-    ]
-    return [bundle(message("/rigidBody/Hat", "is" + "f" * 7 + "i", 1, "Hat", *[0.5] * 7, 1), *bones)]
+
+    def bone(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three numbers
+        return message(f"/skeleton/Jan/{name}", "sfffffffifff", name, *place, *_NO_TURN, 1, 0.0, 0.1, 0.0)
+
+    hat = message("/rigidBody/Hat", "is" + "f" * 7 + "i", 1, "Hat", *[0.5] * 7, 1)
+    return [bundle(hat, *by_joint("natnet2osc", bone)(moment))]
 
 
 def _flat(tags: str, *after: float) -> Layout:
@@ -212,14 +174,10 @@ def mediapipe(moment: Moment) -> list[bytes]:
     return [message("/mediapipe/pose", "i" + "f" * len(arguments), 1, *arguments)]
 
 
-def mediapipe_loose(moment: Moment) -> list[bytes]:
-    """Pose2Art: one bundle of a message for each landmark."""
-    order = builtin_preset("mediapipe").order
-    joints = named("mediapipe", moment.places)
-    marks = [
-        message(f"/pose/p1/{order.index(name)}", "fff", x / 1.78, -y, -z / 1.78) for name, (x, y, z) in joints.items()
-    ]
-    return [bundle(*marks)]
+def _landmark(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three numbers
+    """Pose2Art: numbered landmarks, y down."""
+    number = builtin_preset("mediapipe").order.index(name)
+    return message(f"/pose/p1/{number}", "fff", *place / (1.78, -1, -1.78))
 
 
 def wekinator(moment: Moment) -> list[bytes]:
@@ -323,29 +281,32 @@ def zigsim(moment: Moment) -> list[bytes]:
 
 def touchdesigner(moment: Moment) -> list[bytes]:
     """One float for each channel, as loose messages."""
-    joints = named("touchdesigner", moment.places)
-    return [
-        message(f"/p1/{name}:t{axis}", "f", number)
-        for name, place in joints.items()
-        for axis, number in zip("xyz", place, strict=True)
-    ]
-
-
-def _sparck(bone: int, place: NDArray[np.floating], moment: Moment) -> list[bytes]:
-    return [message("/skel", "iif" + "f" * 7, 1, bone, moment.time, *place, *_NO_TURN)]
+    places = named("touchdesigner", moment.places).items()
+    return [message(f"/p1/{name}:t{axis}", "f", place["xyz".index(axis)]) for name, place in places for axis in "xyz"]
 
 
 _MADE: dict[str, Layout] = {
-    **{each.__name__: each for each in (native, osceleton, osceleton2, vmc, vrchat, qtm, natnet2osc, mediapipe)},
-    **{each.__name__: each for each in (wekinator, rokoko, xsens, zigsim)},
-    "osceleton -q": joint_by_joint("osceleton", "/joint/{}/1", _osceletons),
-    "kinectv2": joint_by_joint("kinectv2", "/bodies/72057594037928017/joints/{}", _as_it_is, "s", "Tracked"),
+    **{each.__name__: each for each in (native, vmc, qtm, natnet2osc, mediapipe, wekinator, rokoko, xsens, zigsim)},
+    "osceleton": by_joint("osceleton", lambda name, place, _: message("/joint", "sifff", name, 1, *_shares(place))),
+    "osceleton -q": by_joint("osceleton", lambda name, place, _: message(f"/joint/{name}/1", "fff", *_shares(place))),
+    # Centimetres, confidence, and milliseconds as a double.
+    "osceleton2": by_joint(
+        "osceleton2",
+        lambda name, place, now: message(
+            "/osceleton2/joint", "siiffffd", name, 0, 1, *100 * place, 1.0, 1000 * now.time
+        ),
+    ),
+    "kinectv2": by_joint(
+        "kinectv2",
+        lambda name, place, _: message(f"/bodies/72057594037928017/joints/{name}", "fffs", *place, "Tracked"),
+    ),
     # Older versions.
-    "kinectv2 bare": joint_by_joint("kinectv2", "/bodies/1/joints/{}"),
+    "kinectv2 bare": by_joint("kinectv2", lambda name, place, _: message(f"/bodies/1/joints/{name}", "fff", *place)),
     # Basic + orientation.
-    "nimate": joint_by_joint("nimate", "/skeleton_{}", _as_it_is, "ffff", *_NO_TURN),
+    "nimate": by_joint("nimate", lambda name, place, _: message(f"/skeleton_{name}", "f" * 7, *place, *_NO_TURN)),
     "nimate-omni": nimate_omni,
-    "synapse": joint_by_joint("synapse", "/{}_pos_world", _millimetres),
+    "synapse": by_joint("synapse", lambda name, place, _: message(f"/{name}_pos_world", "fff", *1000 * place)),
+    "vrchat": by_joint("vrchat", _vrchat),
     "vmc xr animator": vmc_xr_animator,
     "vmc loose": vmc_loose,
     "natnet2osc flat": _flat(""),
@@ -358,16 +319,18 @@ _MADE: dict[str, Layout] = {
     "natnetthree2osc touch": _motive(
         lambda bone, place, _: [message(f"/skeleton/1/bone/{bone}/transformation", "f" * 7, *place, *_NO_TURN)]
     ),
-    "natnetthree2osc sparck": _motive(_sparck, "/f/s", "/f/e"),
-    "mediapipe pose2art": mediapipe_loose,
-    "joints": lambda moment: [
-        message(f"/{name}", "fff", *place) for name, place in named("joints", moment.places).items()
-    ],
-    "joints of two": lambda moment: [
-        message(f"/ann/{name}", "fff", *each) for name, each in named("joints", moment.places).items()
-    ],
-    "captury": joint_by_joint("captury", "/John-Doe/blender/{}/vector", _millimetres),
-    "zigsim osc": bundled(joint_by_joint("zigsim", "/B8-27/{}")),
+    "natnetthree2osc sparck": _motive(
+        lambda bone, place, now: [message("/skel", "iif" + "f" * 7, 1, bone, now.time, *place, *_NO_TURN)],
+        "/f/s",
+        "/f/e",
+    ),
+    "mediapipe pose2art": bundled(by_joint("mediapipe", _landmark)),
+    "joints": by_joint("joints", lambda name, place, _: message(f"/{name}", "fff", *place)),
+    "joints of two": by_joint("joints", lambda name, place, _: message(f"/ann/{name}", "fff", *place)),
+    "captury": by_joint(
+        "captury", lambda name, place, _: message(f"/John-Doe/blender/{name}/vector", "fff", *1000 * place)
+    ),
+    "zigsim osc": bundled(by_joint("zigsim", lambda name, place, _: message(f"/B8-27/{name}", "fff", *place))),
     # Stamped with a real time.
     "touchdesigner": lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))],
     "touchdesigner loose": touchdesigner,

@@ -10,8 +10,9 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout
 from functools import cache, partial
+from io import StringIO
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Frame, osc
 from kinespace.stream.recognition import Answer
+from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
 from kinespace.tools.feeding.service import Listener, answer_in
 
@@ -97,6 +99,16 @@ def started(*arguments: object, at: Path = ROOT, begins: Sequence[object] = _COM
         finally:
             process.kill()
             process.wait()
+
+
+def ran(*arguments: object) -> tuple[int, str, str]:
+    """Run `kinespace` in this process: exit status, standard output, standard error."""
+    with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
+        try:
+            status = main([*map(str, arguments)])
+        except SystemExit as ended:
+            status = ended.code  # type: ignore[assignment]  # argparse gives a number
+    return status, out.getvalue(), err.getvalue()
 
 
 def finished(*arguments: object) -> tuple[int, str, str]:

@@ -2,11 +2,14 @@
 
 import json
 import pickle
+from collections.abc import Sequence
 
 import msgpack
+import msgspec
 import numpy as np
 from golden import bundle, message
 
+from kinespace.stream import Frame
 from kinespace.stream.osc.packet import MAX_MESSAGES, MAX_VALUES
 from kinespace.stream.zeromq import MAX_MESSAGE
 from kinespace.stream.zeromq.messages import MAX_HEADER
@@ -154,3 +157,23 @@ FOREIGN_ZMQ: dict[str, list[bytes]] = {
     "a part of a topic": [b"frame", *_GOOD[1:]],
     "somebody else's OSC": [message("/elsewhere")],
 }
+
+
+# --- frames in one msgpack map, as a sender writes them who cannot send several parts ---------------------------------
+
+
+def in_one_part(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:
+    """Encode a frame as one msgpack map, positions as float32; with the joint names when they are given."""
+    positions = np.ascontiguousarray(frame.positions, dtype="<f4")
+    described: dict[str, object] = {
+        "v": 1,
+        "performer": frame.performer,
+        "seq": seq,
+        "t": frame.time,
+        "shape": list(positions.shape),
+        "dtype": "<f4",
+        "data": positions.tobytes(),
+    }
+    if joints is not None:
+        described["joints"] = list(joints)
+    return msgspec.msgpack.encode(described)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive_bodies import build_and_stretch, unlike
+from naive_courses import build_and_stretch, unlike
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.recordings.remarks import remarks

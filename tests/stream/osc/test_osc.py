@@ -9,7 +9,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from performed import NAMED
+from fakes import NAMED
 from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Event, EventKind, osc

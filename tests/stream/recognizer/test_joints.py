@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive_bodies import keeps_its_place, squares_about_mean, step_length, steps_between
+from fakes import pushed, shown
+from naive_courses import keeps_its_place, squares_about_mean, step_length, steps_between
 from numpy.typing import NDArray
-from performed import pushed, shown
 from synthetic import STICK
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, by_joints, opened

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from performed import assert_same, pushed, shown
+from fakes import assert_same, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary, SkeletonMismatchError, WindowIndex, by_joints, opened

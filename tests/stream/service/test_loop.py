@@ -6,8 +6,7 @@ from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
-from fakes import Bench, FakeClock, FakeSink, FakeSource
-from performed import pushed, shown
+from fakes import Bench, FakeClock, FakeSink, FakeSource, pushed, shown
 from synthetic import STICK, STICK_CLASSES, stick_clip
 
 from kinespace.library import MotionLibrary

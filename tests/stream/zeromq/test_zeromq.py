@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 import zmq
-from performed import NAMED
-from programs import LOOPBACK, PATIENCE
+from fakes import NAMED
+from programs import LOOPBACK, PATIENCE, ran
 from zmq import Socket
 from zmq.auth import load_certificate
 
@@ -23,7 +23,6 @@ from kinespace.stream.status import InputCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, ZmqReceiver, ZmqSender
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.keys import make_keys
-from kinespace.tools.cli.main import main
 
 ANY_PORT = "tcp://127.0.0.1:*"
 #: Milliseconds a test waits for a message that must come, before it gives up.
@@ -250,10 +249,9 @@ def folders(place: Path, *names: str) -> list[Path]:
     return made
 
 
-def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path) -> None:
     """The program makes a folder with both files; no other user reads them, and the pair is one."""
-    assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 0
-    assert "secret, keep it here" in capsys.readouterr().out
+    assert "secret, keep it here" in ran("keys", "ann", "--keys", tmp_path / "mine")[1]
     public, secret = tmp_path / "mine" / "ann.key", tmp_path / "mine" / "ann.key_secret"
     shown, (known, kept) = load_certificate(public), load_certificate(secret)
     assert shown == (known, None)
@@ -263,8 +261,8 @@ def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path, capsys: pytest
         assert [stat.S_IMODE(each.stat().st_mode) for each in (public, secret)] == [0o600, 0o600]
         assert stat.S_IMODE((tmp_path / "mine").stat().st_mode) == 0o700
     before = secret.read_bytes()
-    assert main(["keys", "ann", "--keys", str(tmp_path / "mine")]) == 2
-    assert "there are keys of this name already" in capsys.readouterr().err
+    status, _, said = ran("keys", "ann", "--keys", tmp_path / "mine")
+    assert (status, "there are keys of this name already" in said) == (2, True)
     assert secret.read_bytes() == before
 
 

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,22 +15,23 @@ from typing import Any, get_args
 
 import figures
 import pytest
-from programs import ROOT
+from programs import ROOT, ran
 
 import kinespace.library
 import kinespace.stream
 from kinespace.stream.outputs.sink import Message
-from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS, main
+from kinespace.tools.cli.main import EXPERIMENTS, PROGRAMS
 
 PACKAGES = ("library", "stream", "tools")
 #: The imports of a package: itself and these.
 BELOW = {"library": set[str](), "stream": {"library"}, "tools": {"library", "stream"}}
 #: Folders and files that do no input or output, and know no clock and no thread.
-CORE = ("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py")
-CORE += ("stream/osc/packet.py", "stream/osc/messages.py", "stream/outputs/layouts.py")
-CORE += ("stream/zeromq/messages.py",)
-CORE += ("stream/inputs/decoder.py", "stream/inputs/detection.py", "stream/packet.py", "stream/inputs/takes.py")
-CORE += tuple(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset"))
+CORE = (
+    *("library", "stream/recognizer", "stream/frame.py", "stream/recognition.py", "stream/packet.py"),
+    *("stream/osc/packet.py", "stream/osc/messages.py", "stream/outputs/layouts.py", "stream/zeromq/messages.py"),
+    *(f"stream/inputs/{name}.py" for name in ("decoder", "detection", "takes")),
+    *(f"stream/feeds/{name}.py" for name in ("frame_assembler", "kinematics", "message_reader", "preset")),
+)
 NOT_IN_CORE = {"socket", "time", "threading", "zmq", "asyncio", "selectors", "multiprocessing", "logging"}
 #: The folders in which people keep their work; no source says where it was written.
 MACHINE_FOLDERS = tuple(f"/{name}/" for name in ("home", "root", "work", "Users"))
@@ -169,10 +171,8 @@ def test_no_source_says_where_it_was_written() -> None:
     said = []
     for path in project_files():
         if path.suffix in TEXT:
-            text = path.read_text(encoding="utf-8")
-            said += [
-                f"{name_of(path)}: {folder}" for folder in MACHINE_FOLDERS if re.search(rf"(?<![\w.]){folder}", text)
-            ]
+            found = re.findall(rf"(?<![\w.])(?:{'|'.join(MACHINE_FOLDERS)})", path.read_text(encoding="utf-8"))
+            said += [f"{name_of(path)}: {folder}" for folder in found]
     assert said == []
 
 
@@ -224,25 +224,22 @@ def test_every_evaluation_has_figures() -> None:
     assert {arguments[0] for arguments in figures.RUNS.values()} == set(EXPERIMENTS)
 
 
-HOUSE = Path(__file__).parents[3]
-
-
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_path: Path) -> None:
     """Mkdocs takes warnings for errors; each page is in its list, and each public name has an entry."""
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{HOUSE / '.ci' / 'mkdocs.yml'}"]
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{ROOT / '.ci' / 'mkdocs.yml'}"]
     # griffe, which reads the sources, looks for packages by folder, as mypy does.
-    packages = HOUSE / ".venv" / "packages" / "kinespace"
+    packages = ROOT / ".venv" / "packages" / "kinespace"
     packages.mkdir(parents=True, exist_ok=True)
     for room in ("library", "stream", "tools"):
         link = packages / room
         if not link.exists():
-            link.symlink_to(HOUSE / room)
+            link.symlink_to(ROOT / room)
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     done = subprocess.run([*command, "-d", f"{tmp_path}"], capture_output=True, text=True, check=False, env=environment)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     pages = {page.stem for page in (tmp_path / "docs").glob("*.html")}
-    assert pages == {page.stem for page in (HOUSE / ".github" / "docs").glob("*.md")}
+    assert pages == {page.stem for page in (ROOT / ".github" / "docs").glob("*.md")}
     front, api = ((tmp_path / page).read_text(encoding="utf-8") for page in ("index.html", "docs/api.html"))
     for page in pages:
         assert f'href="docs/{page}.html"' in front
@@ -270,11 +267,10 @@ COMMANDS = re.findall(r"(?:^|(?<!from)[ /])kinespace +([a-z][^#&|>\n]*)", "\n".j
 ALL_PROGRAMS = [*PROGRAMS, *(f"evaluate {name}" for name in EXPERIMENTS)]
 
 
-def options_of(program: str, capsys: pytest.CaptureFixture[str]) -> set[str]:
+@cache
+def options_of(program: str) -> set[str]:
     """Ask a program which options it has."""
-    with pytest.raises(SystemExit):
-        main([*program.split(), "--help"])
-    return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", capsys.readouterr().out))
+    return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", ran(*program.split(), "--help")[1]))
 
 
 @pytest.mark.slow
@@ -310,20 +306,20 @@ paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
     assert "\n".join(line for line in checked.stdout.splitlines() if line.startswith("example")) == ""
 
 
-def test_every_command_shown_exists(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_shown_exists() -> None:
     """Each command on a page names a program there is, with options it has."""
-    known = {program: options_of(program, capsys) for program in ALL_PROGRAMS}
     for line in COMMANDS:
         command = line.split()
         program = " ".join(command[:2]) if command[0] == "evaluate" else command[0]
         used = {word.partition("=")[0] for word in command if re.match(r"--?[a-z]", word)}
-        assert used <= known[program], line
+        assert program in ALL_PROGRAMS, line
+        assert used <= options_of(program), line
 
 
-def test_every_program_with_json_has_a_row_on_its_page(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_program_with_json_has_a_row_on_its_page() -> None:
     """The rows are those of the programs that take `--json`; `test_experiments` compares the evaluations' keys."""
     rows = re.findall(r"^\| `([a-z ]+)`", PAGES[ROOT / ".github/docs/json.md"], re.MULTILINE)
-    assert set(rows) == {each for each in ALL_PROGRAMS if "--json" in options_of(each, capsys)}
+    assert set(rows) == {each for each in ALL_PROGRAMS if "--json" in options_of(each)}
 
 
 def anchors(text: str) -> set[str]:
@@ -368,52 +364,82 @@ def test_the_pages_stay_short() -> None:
     assert words["robustness.md"] <= 1_800
 
 
-#: Each folder that is shipped, and the name it is imported by.
-FOLDERS = {"tools/front": "kinespace"} | {
-    path.parent.relative_to(ROOT).as_posix(): f"kinespace.{path.parent.relative_to(ROOT).as_posix().replace('/', '.')}"
-    for top in ("library", "stream", "tools")
-    for path in sorted((ROOT / top).rglob("__init__.py"))
-    if path.parent != ROOT / "tools" / "front"
-}
-
-#: Folders of files without modules of the product, which count as packages, too.
-FILES = {
-    f"kinespace.{name_of(folder).replace('/', '.')}": name_of(folder)
-    for package in PACKAGES
-    for folder in (ROOT / package).rglob("*")
-    if folder.is_dir()
-    and not (folder / "__init__.py").exists()
-    and not {"__pycache__", "node_modules"} & {*folder.parts}
-}
+def shipped() -> dict[str, Path]:
+    """Give each folder of the packages by the name it is imported by; folders of files count as packages, too."""
+    tops = [ROOT / package for package in PACKAGES]
+    folders = [each for top in tops for each in (top, *top.rglob("*")) if each.is_dir() and not _is_made(each)]
+    named = {f"kinespace.{name_of(folder).replace('/', '.')}": folder for folder in folders}
+    return {name.replace("kinespace.tools.front", "kinespace"): folder for name, folder in named.items()}
 
 
-def project() -> dict[str, dict[str, Any]]:
-    """Read pyproject.toml."""
-    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+def _is_made(path: Path) -> bool:
+    return bool({"__pycache__", "node_modules"} & {*path.parts})
 
 
-def package_folder(path: Path) -> Path:
-    """Find the folder of the package that a file belongs to, as its module or as its data."""
-    files = {ROOT / folder for folder in FILES.values()}
-    return next(folder for folder in path.parents if folder in files or (folder / "__init__.py").exists())
+def setup() -> dict[str, Any]:
+    """Read what pyproject.toml tells setuptools."""
+    told: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    return told
 
 
 def test_exactly_the_packages_there_are_are_shipped() -> None:
     """The packages are named one by one, and they are all the packages the sources have beside the tests."""
-    setuptools = project()["tool"]["setuptools"]
-    assert sorted(setuptools["packages"]) == sorted([*FOLDERS.values(), *FILES])
-    assert len(FOLDERS) > 10
-    assert {find_spec(package).origin for package in FOLDERS.values()} == {  # type: ignore[union-attr]
-        str(ROOT / folder / "__init__.py") for folder in FOLDERS
+    assert sorted(setup()["packages"]) == sorted(shipped())
+    modules = {name: folder / "__init__.py" for name, folder in shipped().items() if (folder / "__init__.py").exists()}
+    assert len(modules) > 10
+    assert {name: find_spec(name).origin for name in modules} == {  # type: ignore[union-attr]
+        name: str(path) for name, path in modules.items()
     }
 
 
 def test_every_file_in_a_package_is_declared() -> None:
     """No file lies in a package that is neither Python nor declared as its data: it would be missing from the wheel."""
-    declared_by = project()["tool"]["setuptools"]["package-data"]
-    for package, folder in ({package: folder for folder, package in FOLDERS.items()} | FILES).items():
-        declared = {path for each in declared_by.get(package, []) for path in (ROOT / folder).glob(each)}
-        within = [path for path in (ROOT / folder).rglob("*") if path.is_file()]
-        within = [path for path in within if not {"__pycache__", "node_modules"} & {*path.parts}]
-        own = {path for path in within if package_folder(path) == ROOT / folder}
+    for package, folder in shipped().items():
+        declared = {path for each in setup()["package-data"].get(package, []) for path in folder.glob(each)}
+        own = {path for path in folder.iterdir() if path.is_file()}
         assert {path for path in own if path.suffix not in (".py", ".so", ".pyd", ".c", ".h")} <= declared <= own
+
+
+# --- what CONTRIBUTING says of adding things, done in a copy of the program -------------------------------------------
+
+
+RECIPES = tomllib.loads(Path(__file__).with_name("recipes.toml").read_text(encoding="utf-8"))
+
+
+def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:
+    """Copy the program into a folder, and change some of its texts."""
+    for room in ("library", "stream", "tools"):
+        shutil.copytree(ROOT / room, folder / "kinespace" / room, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "tools" / "front" / "__init__.py", folder / "kinespace")
+    for name, changes in edits.items():
+        path = folder / "kinespace" / name
+        text = path.read_text(encoding="utf-8")
+        for before, after in changes.items():
+            assert text.count(before) == 1, before
+            text = text.replace(before, after)
+        path.write_text(text, encoding="utf-8")
+
+
+def _run(folder: Path, script: str) -> str:
+    environment = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert not done.returncode, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_a_part_of_the_signature_is_added_in_one_file(tmp_path: Path) -> None:
+    """It is read off a live window and off the library's alike, learned, and compared."""
+    _changed(tmp_path, RECIPES["part"]["edits"])
+    assert re.fullmatch("squat1Reps|clap5Reps", _run(tmp_path, RECIPES["part"]["uses"]).strip())
+
+
+@pytest.mark.slow
+def test_a_message_is_added_in_five_files(tmp_path: Path) -> None:
+    """As a value, in each transport, in the layouts, and where the service says it."""
+    assert len(RECIPES["message"]["edits"]) == 5
+    _changed(tmp_path, RECIPES["message"]["edits"])
+    _run(tmp_path, RECIPES["message"]["uses"])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from answers import FEEDS, RECORDED, differing, kept, summed_up
-from performed import assert_same, pushed
+from fakes import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
 from kinespace.library import Clip, MotionLibrary

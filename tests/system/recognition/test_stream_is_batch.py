@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from naive_stream import NaiveFeed
 from naive_windows import evidence, logit
-from synthetic import plain_index
 from twins import Twin
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, compiled, distance_rows
+from kinespace.library import Clip, MotionLibrary, WindowIndex, compiled
 from kinespace.stream import Frame, Outcome, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.decision import LEAD
-from kinespace.stream.recognizer.window import NOISY, Window
+from kinespace.stream.recognizer.window import NOISY
 from kinespace.tools.feeding.feed import resampled
 
 pytestmark = pytest.mark.slow
@@ -199,43 +198,3 @@ def test_one_example_of_each_class(clips: list[Clip], of_single_examples: Twin) 
     """A library that cannot learn what is unknown judges likelihood ratios, as the twin does by densities."""
     assert of_single_examples.index.rejection.by_likelihood
     assert len(_compare(of_single_examples, _frames(clips[0], range(0, clips[0].frames, 4)[:16]))) > 5
-
-
-# --- two hundred thousand frames ---------------------------------------------------------------------------------
-
-
-LONG, PIECE, RUN = 200_000, 50_000, 50
-
-
-def _long_motion() -> Iterator[np.ndarray]:
-    """Perform for half an hour: eight joints swing, faster and slower, while the posture as a whole wanders."""
-    generator = np.random.default_rng(8)
-    pose = generator.normal(scale=0.6, size=(8, 3))
-    swing, lean = generator.normal(scale=0.15, size=(8, 3)), generator.normal(scale=0.3, size=(8, 3))
-    turn = generator.normal(scale=0.1, size=(8, 3))
-    body = Skeleton(tuple(f"joint{index}" for index in range(8)))
-    for begin in range(0, LONG, PIECE):
-        time = np.arange(begin, begin + PIECE) / 120
-        phases = np.sin(7.0 * time + 3.0 * np.sin(0.05 * time)), np.sin(0.003 * time), np.cos(4.1 * time)
-        positions = pose + sum(
-            phase[:, None, None] * way for phase, way in zip(phases, (swing, lean, turn), strict=True)
-        )
-        yield distance_rows(positions, body)
-
-
-@pytest.mark.usefixtures("arithmetic")
-def test_two_hundred_thousand_frames() -> None:
-    """After so many frames of motion the sums of a window are as exact as at first."""
-    window, rows, pushed, length = Window(plain_index(0.5, joints=8)), np.empty((0, 28)), 0, 60
-    for piece in _long_motion():
-        rows = np.concatenate([rows[-length:], piece])
-        for end in range(len(rows) - PIECE + RUN, len(rows) + 1, RUN):
-            window.push(((pushed + np.arange(RUN)) / 120).tolist(), rows[end - RUN : end])
-            window.read()
-            deviation, covariance = window.moments(0.5).deviation[0], window.covariance().matrix
-            pushed += RUN
-            if pushed % (20 * RUN) == 0:
-                exact = naive_windows.covariance(rows[end - length : end])
-                assert np.abs(covariance - exact).max() <= 1e-9 * np.abs(exact).max()
-                assert np.abs(np.square(deviation) - exact.diagonal()).max() <= 1e-9 * np.abs(exact).max()
-    assert pushed == LONG

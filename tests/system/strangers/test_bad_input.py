@@ -1,7 +1,11 @@
 """Bad input: a program that cannot go on ends with 2 and one line that names the mistake, and writes nothing."""
 
+import json
 import os
 import resource
+import shutil
+import subprocess
+import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -10,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, REMARK, free_udp_port
-from recorded import write_clip, write_clips
+from programs import LOOPBACK, REMARK, free_udp_port, ran, started
 from synthetic import stick_clips
+from written import write_clip, write_clips
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import Frame, osc, zeromq
 from kinespace.stream.inputs import kinerec as rawfile
 from kinespace.stream.zeromq import Endpoint
-from kinespace.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
 
@@ -69,17 +72,13 @@ def places(tmp_path_factory: pytest.TempPathFactory, small_library: MotionLibrar
         assert zmq.receive() is udp.receive() is None
 
 
-def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def one_line(*arguments: object) -> str:
     """Run `kinespace`, which must end with 2 and one line on standard error; give the line.
 
     Before the line, remarks on bodies that could be read may stand.
     """
-    try:
-        status = main([str(argument) for argument in arguments])
-    except SystemExit as ended:
-        status = ended.code  # type: ignore[assignment]  # argparse gives a number
+    status, out, err = ran(*arguments)
     assert status == 2
-    out, err = capsys.readouterr()
     assert not out or arguments[0] == "replay" or "--teach" in arguments
     *remarks, line = (each for each in err.splitlines() if "no program listens" not in each)
     assert all(map(REMARK.search, remarks)), err
@@ -90,13 +89,13 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 @pytest.mark.skipif(os.name != "posix", reason="pipes and devices in folders")
 @pytest.mark.parametrize("command", REFUSED)
 def test_what_cannot_be_done_is_one_line(
-    command: str, places: dict[str, object], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: str, places: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The line names the file, the option or the value, what was expected and what came; no file is made or changed."""
     folder = Path(f"{places['folder']}")
     monkeypatch.chdir(folder / "empty")
     before = _there(folder)
-    assert REFUSED[command].format_map(places) in one_line(capsys, *command.format_map(places).split())
+    assert REFUSED[command].format_map(places) in one_line(*command.format_map(places).split())
     assert _there(folder) == before
 
 
@@ -110,23 +109,21 @@ def _there(folder: Path) -> dict[Path, tuple[int, int]]:
 
 
 @pytest.mark.parametrize("arrival", [1e300, np.inf, np.nan])
-def test_an_impossible_arrival_ends_a_recording(
-    arrival: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_impossible_arrival_ends_a_recording(arrival: float, tmp_path: Path) -> None:
     """A record with an impossible time counts as damage: the replay does not wait for it."""
     path = tmp_path / "far.kinerec"
     with closing(rawfile.RawWriter(path, ["osc 127.0.0.1:9310"])) as writer:
         for time in (1.0, arrival, 2.0):
             writer.write(rawfile.RawPacket(time, 0, "", (b"/x\0\0,\0\0\0",)))
     with closing(osc.OscReceiver(LOOPBACK, 0)) as somebody:
-        assert main(["replay", str(path), "--osc", f"{LOOPBACK}:{somebody.address[1]}"]) == 0
-    assert "cut off or damaged" in capsys.readouterr().out
+        status, out, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{somebody.address[1]}")
+    assert (status, "cut off or damaged" in out) == (0, True)
     recording = rawfile.RawFile(path)
     assert [packet.arrival for packet in recording.packets()] == [1.0]
     assert recording.damage()
 
 
-def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_control_characters_are_shown_as_marks(tmp_path: Path) -> None:
     """Class names, licences and a raw recording's header reach the terminal without control characters."""
     library, recording = tmp_path / "red.npz", tmp_path / "red.kinerec"
     stained = [
@@ -136,14 +133,14 @@ def test_control_characters_are_shown_as_marks(tmp_path: Path, capsys: pytest.Ca
     MotionLibrary.of_clips(stained).save(library)
     with closing(rawfile.RawWriter(recording, ["osc \x1b[2J"], {"\x1b[2J": ""})) as writer:
         writer.write(rawfile.RawPacket(1.0, 0, "\x1b[2J", (b"x",)))
-    for arguments in (["info", str(library)], ["info", str(recording)]):
-        assert main(arguments) == 0
-        out = capsys.readouterr().out
+    for file in (library, recording):
+        status, out, _ = ran("info", file)
+        assert status == 0
         assert "\N{REPLACEMENT CHARACTER}" in out
         assert all(character.isprintable() or character == "\n" for character in out)
     # A shell gives the names of a stranger's files as arguments.
     for refused in (["build", library, "--without", "\x1b[31mnobody", "-o", "made.npz"], ["info", "a", "\x9b2J"]):
-        assert one_line(capsys, *refused).isprintable()
+        assert one_line(*refused).isprintable()
 
 
 def _hierarchy(joints: str, closing: str, frames: int) -> str:
@@ -193,12 +190,74 @@ BOMBS: dict[str, tuple[str, Callable[[], str], str]] = {
 
 
 @pytest.mark.parametrize("kind", BOMBS)
-def test_some_megabytes_take_little_memory(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_some_megabytes_take_little_memory(kind: str, tmp_path: Path) -> None:
     """Counts and depths are bounded, and no number in a file says how much memory is taken."""
     name, text, line = BOMBS[kind]
     path = tmp_path / name
     path.write_text(text())
     path.with_suffix(".asf").write_text(":bonedata\n" + "a b\n" * 400_000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert line in one_line(capsys, "info", path)
+    assert line in one_line("info", path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 150_000
+
+
+# --- every call that writes fails, one after the other, as on a full disk ---------------------------------------------
+
+
+FAULTS = Path(__file__).with_name("faults")
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux" or not COMPILER, reason="the faults are compiled for Linux")
+def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
+    """Opening, writing, renaming and `fsync`, once and from then on, in all that keeps something for a person."""
+    shim = tmp_path / "shim.so"
+    subprocess.run([COMPILER, "-shared", "-fPIC", "-o", shim, FAULTS / "shim.c", "-ldl"], check=True)
+    surroundings = {**os.environ, "LD_PRELOAD": str(shim)}
+    done = subprocess.run([sys.executable, FAULTS / "work.py"], env=surroundings, capture_output=True, check=True)
+    found = json.loads(done.stdout)
+    assert {*found} == {"teaching", "building", "labelling", "recording", "keys", "cache", "midi"}
+    assert {name: each["wrong"] for name, each in found.items()} == {name: [] for name in found}
+    # The faults reach the calls.
+    assert all(each["calls"] >= 3 for each in found.values())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_who_plays_into_a_file_that_lacks_notes_hears_it(tmp_path: Path) -> None:
+    """`live` says it, and ends with 2, as where examples are not saved."""
+    (tmp_path / "take.mid").symlink_to("/dev/full")
+    song = ("--out", f"midi={tmp_path / 'take.mid'}", "--overwrite")
+    with started("live", "--plain", "--osc-in", "127.0.0.1:0", *song) as program:
+        program.expect("listening on")
+        assert program.interrupt() == 2
+        assert program.output.endswith("take.mid: not all notes are written: No space left on device\n")
+
+
+#: What makes programs start processes or threads, and import what they need, and a line after which one is ended.
+ARGUMENTS = {
+    "live": "--plain --osc-in 127.0.0.1:0 --osc-out 127.0.0.1:1 --page 0 --ws 0 --workers 1 --teach mine.npz",
+    "record": "a.kinerec --osc-in 127.0.0.1:0",
+    "demo": "squat1Reps",
+    "latency": "--transport osc --seconds 0.5",
+}
+SAID = {"live": "listening on(.|\n)*WebSocket", "record": "recording"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", ARGUMENTS)
+def test_nothing_of_the_current_folder_runs(program: str, tmp_path: Path) -> None:
+    """Modules of the names of Python's own and of packages that we use lie there; none is imported."""
+    ran = tmp_path / "ran"
+    for name in {*sys.stdlib_module_names, "numpy", "zmq", "scipy", "websockets", "kinespace", "sitecustomize"}:
+        # The tests' own network guard is a sitecustomize, too.
+        text = f"open({str(ran)!r}, 'a').write({name!r} + ' ')\nraise SystemExit('ran')\n"
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+    command = [Path(sys.executable).with_name("kinespace")]
+    with started(program, *ARGUMENTS[program].split(), at=tmp_path, begins=command) as running:
+        if program in SAID:
+            running.expect(SAID[program])
+            running.interrupt()
+        # On a machine without an extra a program says so.
+        assert running.wait() in (0, 1, 2)
+    assert not ran.exists(), ran.read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ import naive_camera
 import numpy as np
 import pytest
 from films import grey
-from programs import LOOPBACK, finished, free_udp_port, live, until
+from programs import LOOPBACK, finished, free_udp_port, live, ran, until
 
 from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS
@@ -215,9 +215,7 @@ def test_models_are_fetched_checked_kept_and_read(place: Path, monkeypatch: pyte
         models.models_at(None, "full")
 
 
-def test_clients_that_fail_are_named(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_clients_that_fail_are_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One line says why each failed, and what else can be done."""
     monkeypatch.setattr("shutil.which", lambda _: "npm")
 
@@ -225,10 +223,9 @@ def test_clients_that_fail_are_named(
         raise subprocess.CalledProcessError(1, command, stderr=f"much\n{Path(command[0]).name[:3]} is offline\n")
 
     monkeypatch.setattr(subprocess, "run", run)
-    assert main(["camera", "--get-models"]) == 2
-    said = capsys.readouterr().err
+    status, _, said = ran("camera", "--get-models")
     assert said.startswith("kinespace: models: not fetched (npm: npm is offline; pip: pyt is offline); --models takes")
-    assert said.count("\n") == 1
+    assert (status, said.count("\n")) == (2, 1)
     assert not place.exists()
 
 
@@ -398,14 +395,11 @@ def test_joints_outside_of_the_picture_are_absent() -> None:
     np.testing.assert_array_equal(found[0], [1, -2, -3])
 
 
-def test_without_the_extra_one_line_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing else is tried."""
-    monkeypatch.setitem(__import__("sys").modules, "kinespace.tools.camera.vision", None)
-    assert main(["camera", "none.mp4"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    monkeypatch.setitem(sys.modules, "kinespace.tools.camera.vision", None)
+    status, _, said = ran("camera", "none.mp4")
+    assert (status, said.count("\n")) == (2, 1)
     assert said.startswith("kinespace: a camera needs OpenCV and LiteRT")
     assert "pip install 'kinespace[camera]'" in said
 
@@ -487,7 +481,7 @@ def test_films_with_labels_become_a_library(demo_film: Path, tmp_path: Path) -> 
     film.write_bytes(demo_film.read_bytes())
     film.with_suffix(".csv").write_text("start_s,end_s,label\n0.5,2.5,stand\n3,5,jump\n", encoding="utf-8")
     output = tmp_path / "mine.npz"
-    assert main(["build", str(film.parent), "-o", str(output), "--actor-in", "name", "--either-side"]) == 0
+    assert ran("build", film.parent, "-o", output, "--actor-in", "name", "--either-side")[0] == 0
     library = MotionLibrary.load(output)
     assert (library.classes, library.actors, len(library)) == (("jump", "stand"), ("ann",), 4)
     assert library.skeleton.joints == JOINTS

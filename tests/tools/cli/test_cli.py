@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import ROOT
+from programs import ROOT, ran
 
-from kinespace.tools.cli.main import main
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
 
@@ -42,29 +41,23 @@ def test_the_command_tells_its_version() -> None:
         (MemoryError(), "kinespace: MemoryError\n"),
     ],
 )
-def test_a_failure_is_one_line_and_status_2(
-    error: Exception, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_failure_is_one_line_and_status_2(error: Exception, line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A failure of a program ends with 2 and exactly one line on standard error."""
     fails_with(monkeypatch, error)
-    assert main(["info"]) == 2
-    assert capsys.readouterr() == ("", line)
+    assert ran("info") == (2, "", line)
 
 
-def test_ctrl_c_ends_with_1_and_says_nothing(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_ends_with_1_and_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program interrupted by its user ends with 1 without a traceback."""
     fails_with(monkeypatch, KeyboardInterrupt())
-    assert main(["info"]) == 1
-    assert capsys.readouterr() == ("", "")
+    assert ran("info") == (1, "", "")
 
 
 def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     """An error that no input explains is raised, so that its traceback is seen."""
     fails_with(monkeypatch, AttributeError("ours"))
     with pytest.raises(AttributeError, match="ours"):
-        main(["info"])
+        ran("info")
 
 
 @pytest.mark.slow

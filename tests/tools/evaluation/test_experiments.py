@@ -3,19 +3,19 @@
 import csv
 import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from programs import small_library
-from recorded import write_clips, write_take
+from programs import ran, small_library
+from written import write_clips, write_take
 
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
 from kinespace.stream import Settings
-from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.evaluate_stream import course
 from kinespace.tools.evaluation.harness import Sources, read_takes
 
@@ -71,26 +71,32 @@ def _keys(value: Any) -> set[str]:  # noqa: ANN401 - JSON
 
 @pytest.mark.parametrize("run", RUNS)
 def test_keys_are_on_the_page_and_a_table_says_its_basis(
-    run: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]
+    run: str, folders: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With --json every key is in its program's row; without it a table says what its figures rest on."""
-    line, basis = RUNS[run]
-    arguments = _arguments(line, folders)
-    printed = _printed(arguments, capsys)
+    """With --json every key is in its program's row; without it a table says what its figures rest on.
+
+    The table is printed of what was computed for the JSON: the same work is not done twice.
+    """
+    line, basis, name = RUNS[run]
+    arguments, done = _arguments(line, folders), list[object]()
+    experiment = import_module(f"kinespace.tools.evaluation.evaluate_{arguments[1]}")
+    if basis:
+        work = getattr(experiment, name)
+        monkeypatch.setattr(experiment, name, lambda *given, **more: done.append(work(*given, **more)) or done[-1])
+    printed = _printed(arguments)
     row = ROWS[f"evaluate {arguments[1]}"]
     assert sorted(key for key in _keys(printed) if f"`{key}`" not in row) == []
     if basis:
-        assert main(arguments) == 0
-        assert basis in " ".join(capsys.readouterr().out.split())
+        monkeypatch.setattr(experiment, name, lambda *_, **__: done.pop(0))
+        status, table, _ = ran(*arguments)
+        assert (status, done, basis in " ".join(table.split())) == (0, [], True)
 
 
-def test_the_papers_figure_is_drawn_and_written(
-    folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_papers_figure_is_drawn_and_written(folders: dict[str, Path], tmp_path: Path) -> None:
     """The confusion of each space in the terminal and as a picture; each neighbour a row; all rows as JSON."""
-    run = ["evaluate", "retrieval", str(folders["clips"]), "--answers", str(tmp_path / "a.csv")]
-    assert main([*run, "--picture", str(tmp_path / "figure.png")]) == 0
-    printed, (head, *rows) = capsys.readouterr().out, (tmp_path / "a.csv").read_text().splitlines()
+    run = ["evaluate", "retrieval", folders["clips"], "--answers", tmp_path / "a.csv"]
+    _, printed, _ = ran(*run, "--picture", tmp_path / "figure.png")
+    head, *rows = (tmp_path / "a.csv").read_text().splitlines()
     for space in ("distances", "positions", "rotations"):
         assert f"Confusion by {space} (raw, actor held out)" in printed
     assert "bendLeft                 100   ·   ·" in printed
@@ -98,7 +104,7 @@ def test_the_papers_figure_is_drawn_and_written(
     # Three spaces, two signatures; twelve clips, of which bd's six are the library that mm's six ask.
     assert len(rows) == len({tuple(row.split(",")[:4]) for row in rows}) == 6 * (12 + 12 + 6)
     assert (tmp_path / "figure.png").read_bytes()[:4] == b"\x89PNG"
-    scores = _printed(run, capsys)
+    scores = _printed(run)
     assert len(scores) == 6 * 3
     assert scores[0]["confusion"]["bendLeft"] == {"bendLeft": 1.0}
 
@@ -109,7 +115,7 @@ def test_answers_and_segments_are_tables(folders: dict[str, Path], tmp_path: Pat
     library, answers, segments = (tmp_path / name for name in ("first.npz", "answers.csv", "segments.csv"))
     MotionLibrary.of_clips(takes[0].motions()).save(library)
     options = f"--library {library} --map salute=hail --actor-in name --answers {answers} --segments {segments}"
-    assert main(_arguments(f"stream {{takes}} {options}", folders)) == 0
+    assert ran(*_arguments(f"stream {{takes}} {options}", folders))[0] == 0
     rows, table = ([*csv.DictReader(path.read_text("utf-8").splitlines())] for path in (answers, segments))
     played = course(takes[0], MotionLibrary.load(library), ("clap", "hail", "row"), Settings())
     own = [row for row in rows if row["take"] == played.name]
@@ -124,28 +130,24 @@ def test_answers_and_segments_are_tables(folders: dict[str, Path], tmp_path: Pat
     assert np.mean(ours) == pytest.approx(np.mean(right), abs=0.1)
 
 
-def _printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> Any:  # noqa: ANN401 - JSON
-    assert main([*arguments, "--json"]) == 0
-    out = capsys.readouterr().out
-    assert out.count("\n") == 1
+def _printed(arguments: Sequence[object]) -> Any:  # noqa: ANN401 - JSON
+    status, out, _ = ran(*arguments, "--json")
+    assert (status, out.count("\n")) == (0, 1)
     return json.loads(out)
 
 
 @pytest.mark.parametrize("line", REFUSED)
-def test_bad_input_is_one_line(line: str, folders: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_one_line(line: str, folders: dict[str, Path]) -> None:
     """What cannot be measured is said in one line, with the option that helps; nothing is printed or written."""
     before = sorted(path for folder in folders.values() for path in folder.rglob("*"))
-    assert main(_arguments(line, folders)) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    *_, said = printed.err.splitlines()
-    assert REFUSED[line] in said
+    status, out, err = ran(*_arguments(line, folders))
+    assert (status, out) == (2, "")
+    assert REFUSED[line] in err.splitlines()[-1]
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
 
 
 @pytest.mark.parametrize("options", [["retrieval", "--picture"], ["stream", "--answers"], ["show", "--answers"]])
-def test_no_table_is_written_over_a_library(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_table_is_written_over_a_library(options: list[str]) -> None:
     """An output named like a library is a mistake."""
-    with pytest.raises(SystemExit):
-        main(["evaluate", *options, "mine.npz"])
-    assert "expected a table or a picture, like a.csv or a.png, got 'mine.npz'" in capsys.readouterr().err
+    said = ran("evaluate", *options, "mine.npz")[2]
+    assert "expected a table or a picture, like a.csv or a.png, got 'mine.npz'" in said

@@ -9,7 +9,6 @@ from typing import NoReturn
 from xml.etree import ElementTree as ET
 
 import naive_score
-import naive_words
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -206,7 +205,7 @@ EDGES = st.lists(st.integers(0, 50), min_size=2, max_size=9, unique=True).map(so
 LABELS = st.lists(st.sampled_from(["jab", "kick", "nothing", ""]), min_size=8, max_size=8)
 
 
-def said(*words: naive_words.Word) -> list[Said]:
+def said(*words: naive_score.Word) -> list[Said]:
     """Give words as the product has them."""
     return [Said(name, time, time, time) for time, name in words]
 
@@ -247,15 +246,15 @@ def test_a_label_may_be_off_by_its_rounding() -> None:
 
 @given(edges=EDGES, labels=LABELS, words=WORDS)
 def test_random_words_are_counted_as_the_twin_counts(
-    edges: list[int], labels: list[str], words: list[naive_words.Word]
+    edges: list[int], labels: list[str], words: list[naive_score.Word]
 ) -> None:
     """By both rules, for gestures that follow each other with or without gaps."""
     gestures = [(a / 4, b / 4, label) for (a, b), label in zip(pairwise(edges), labels, strict=False) if label]
     segments = tuple(Segment(*each) for each in gestures)
-    assert counts(heard(said(*words), segments, COMMANDS)) == naive_words.of_commands(gestures, words)
+    assert counts(heard(said(*words), segments, COMMANDS)) == naive_score.of_commands(gestures, words)
     asked = [each for each in gestures if each[2] != "nothing"]
     segments = tuple(Segment(*each) for each in asked)
-    assert counts(heard(said(*words), segments, SHOW)) == naive_words.in_a_show(asked, words, 0.125, 1.0)
+    assert counts(heard(said(*words), segments, SHOW)) == naive_score.in_a_show(asked, words, 0.125, 1.0)
 
 
 #: A take of ten seconds.

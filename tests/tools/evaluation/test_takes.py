@@ -1,22 +1,32 @@
-"""Takes and shows that are evaluated, gestures that teach, and peers."""
+"""Takes and shows that are evaluated, gestures that teach, retrieval, and what is learned of the unknown."""
 
 import argparse
+import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import naive
 import numpy as np
 import pytest
-from recorded import write_take
+from hypothesis import given
+from hypothesis import strategies as st
+from programs import SMALL_CLASSES, ran, small_library
 from synthetic import stick_clip
+from written import trc_text, write_take
 
-from kinespace.library import NOTHING, MotionLibrary, Reading
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, distance_rows
 from kinespace.library.recordings import ActorIn
 from kinespace.library.recordings.formats.labels import LabelError, Segment
+from kinespace.library.windows.rejection import Evidence
 from kinespace.stream import Settings
+from kinespace.tools.evaluation import evaluate_retrieval as paper
 from kinespace.tools.evaluation import evaluate_show
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
+from kinespace.tools.evaluation.evaluate_retrieval import Labels, Protocol, candidates, retrieve
 from kinespace.tools.evaluation.evaluate_show import lengths_of
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
+from kinespace.tools.evaluation.learn import Lesson, fitted
 from kinespace.tools.teaching.lessons import open_taught
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)
@@ -152,3 +162,114 @@ def test_beside_the_library_neither_its_classes_nor_the_performer_teach(
     assert [(each.actor, each.frames) for each in taught] == [("", each.frames) for each in show.examples]
     assert {each.class_name for each in compared} == {*builtin.classes}
     assert {each.actor for each in compared} == {*builtin.actors, ""} - {show.performer}
+
+
+# --- the paper's experiment: its counting against loops and sorted lists ----------------------------------------------
+
+
+@pytest.mark.parametrize("space", list(paper.Space))
+def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: paper.Space) -> None:
+    """In each space a motion's axis is the first of the SVD of its numbers, centred or raw, whatever its sign."""
+    generator = np.random.default_rng(3)
+    turning = [replace(clip, rotations=generator.normal(size=(clip.frames, 59))) for clip in some_clips[:4]]
+    ways = (paper.signatures_of(turning, space, kind) for kind in paper.SignatureKind)
+    for clip, axis, raw in zip(turning, *ways, strict=True):
+        numbers = {
+            paper.Space.DISTANCES: distance_rows(clip.positions, clip.skeleton),
+            paper.Space.POSITIONS: clip.positions.reshape(clip.frames, 93),
+            paper.Space.ROTATIONS: clip.rotations,
+        }
+        _, expected = naive.first_axis_by_svd(numbers[space])
+        assert abs(axis @ expected) == pytest.approx(1.0, abs=1e-9)
+        assert abs(raw @ np.linalg.svd(numbers[space])[2][0]) == pytest.approx(1.0, abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(3, 14), st.sampled_from(list(Protocol)))
+def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
+    """For any scores, with ties, and any labels the outcome equals a count over sorted Python lists."""
+    generator = np.random.default_rng(seed)
+    scores = generator.integers(0, 5, size=(motions, motions)) / 4.0
+    actors = np.array(["bd", "bk", "tr", *generator.choice(["bd", "bk", "tr"], motions - 3)])
+    labels = Labels(generator.choice(["bow", "jump", "wave"], motions), actors)
+    found = retrieve(scores, labels, candidates(labels, protocol))
+    tally = naive.retrieval(scores, labels.classes.tolist(), actors.tolist(), protocol)
+    assert len(found.asking) == len(tally)
+    assert (found.nearest, found.shares["two_nearest"].value()) == pytest.approx(tuple(np.mean(tally, axis=0)))
+
+
+@pytest.mark.parametrize("protocol", [Protocol.ACTOR_HELD_OUT, Protocol.SPLIT])
+def test_a_protocol_in_which_nobody_asks_is_refused(protocol: Protocol) -> None:
+    """With one actor alone no motion has another to be compared with."""
+    labels = Labels(np.array(["bow", "bow", "jump"]), np.array(["bd"] * 3))
+    with pytest.raises(ValueError, match="--protocol: expected a motion that may be compared with two others"):
+        retrieve(np.eye(3), labels, candidates(labels, protocol))
+
+
+# --- learn: what is taken for a motion that is not known --------------------------------------------------------------
+
+
+_CLASSES = ("squat1Reps", "kickLFront1Reps")
+#: The typical distance and lead of one group of parts.
+_TYPICAL = np.array([2.0, 3.0])
+
+
+def _windows(leads: Sequence[float], guess: str = "a") -> list[tuple[Evidence, str]]:
+    """Make windows of one guess with these leads above the typical one."""
+    return [(Evidence((2.0,), (3.0 + float(lead),)), guess) for lead in leads]
+
+
+@pytest.mark.slow
+def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
+    """Windows with a clear lead are known, windows with none are not; a class often guessed wrongly gets a malus."""
+    generator = np.random.default_rng(1)
+    known, unknown = _windows(1.0 + generator.normal(0, 0.1, 50)), _windows(generator.normal(0, 0.1, 50), "b")
+    lessons = [Lesson(known, is_known=True, weight=1.0), Lesson(unknown, is_known=False, weight=1.0)]
+    rejection = fitted(lessons, ("a", "b"), _TYPICAL)
+    assert all(rejection.logit(*window) > 0 for window in known)
+    assert all(rejection.logit(*window) < 0 for window in unknown)
+    assert rejection.biases["a"] > rejection.biases["b"]
+
+
+@pytest.fixture(scope="module")
+def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two motions of two classes by each of three persons."""
+    path = tmp_path_factory.mktemp("learn") / "small.npz"
+    small_library().without(classes=[name for name in SMALL_CLASSES if name not in _CLASSES]).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Motions of two persons as takes: squats are known, sneaking is not."""
+    folder = tmp_path_factory.mktemp("takes")
+    library = MotionLibrary.builtin()
+    table = "file,subject,contains,perhaps\n"
+    for name, contains in (("squat1Reps", "squat1Reps"), ("sneak2StepsLStart", "")):
+        for actor in ("mm", "tr"):
+            clip = next(each for each in library.motions if (each.class_name, each.actor) == (name, actor))
+            text = trc_text(clip.skeleton.joints, clip.positions, rate=clip.frame_rate, unit="m")
+            (folder / f"{name}_{actor}.trc").write_text(text, encoding="utf-8")
+            table += f"{name}_{actor}.trc,{actor},{contains},\n"
+    (folder / "takes.csv").write_text(table, encoding="utf-8")
+    return folder / "takes.csv"
+
+
+@pytest.mark.slow
+def test_a_library_of_one_person_is_taught_by_its_other_motions(
+    small_file: Path, takes_file: Path, tmp_path: Path
+) -> None:
+    """Its own motions are named, strangers' sneaking is named as seldom as a rate says; single examples are refused."""
+    several = MotionLibrary.load(small_file)
+    own = several.without(actors=several.actors[1:])
+    arguments = ["learn", tmp_path / "own.npz", "--takes", takes_file, "--json", "-o"]
+    own.save(tmp_path / "own.npz")
+    printed = json.loads(ran(*arguments, tmp_path / "learned.npz")[1])
+    assert all(each["unknown_named"] <= each["rate"] + 1e-9 for each in printed)
+    learned = MotionLibrary.load(tmp_path / "learned.npz")
+    assert learned.actors == several.actors[:1]
+    assert learned.learned
+    assert printed[-1]["takes_found"] == 1
+    single = own.without(motions=[each for each in own.motions if each.class_name == _CLASSES[0]][1:])
+    single.save(tmp_path / "own.npz")
+    status, _, said = ran(*arguments, tmp_path / "single.npz")
+    assert (status, f"got one of {_CLASSES[0]}" in said) == (2, True)

@@ -1,4 +1,4 @@
-"""The examples in other languages: each that can run here sends its squat to a recogniser and gets its class."""
+"""The examples in other languages: each that can run here sends its squat and gets its class; and the notebook."""
 
 import json
 import os
@@ -9,12 +9,15 @@ import sys
 import tomllib
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from golden import message
-from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, started
+from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, ran, small_library, started
+from written import write_clips
 
+from kinespace.library import MotionLibrary
 from kinespace.library.naming import Naming, hdm05
 from kinespace.stream import Announcement, Event, EventKind, Frame, Outcome, Progress, Recognition, Recognizer, osc
 from kinespace.stream.feeds import builtin_preset, load_preset
@@ -23,7 +26,6 @@ from kinespace.stream.outputs import NativeLayout
 from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.recognition import Done
 from kinespace.stream.zeromq.keys import make_keys
-from kinespace.tools.cli.main import main
 
 EXAMPLES = ROOT / "tools" / "examples"
 #: The class that the examples' motion is of.
@@ -113,14 +115,12 @@ def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_examples_come_with_the_program(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_examples_come_with_the_program() -> None:
     """`kinespace examples` lists every file, prints one as it is, and says which names there are."""
-    assert main(["examples"]) == 0
-    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= set(capsys.readouterr().out.splitlines())
-    assert main(["examples", "node.mjs"]) == 0
-    assert capsys.readouterr().out == (EXAMPLES / "node.mjs").read_text(encoding="utf-8")
-    assert main(["examples", "node"]) == 2
-    assert "that `kinespace examples` lists, got 'node', perhaps node.mjs is meant" in capsys.readouterr().err
+    assert {"node.mjs", "processing.pde", "touchdesigner.py"} <= {*ran("examples")[1].splitlines()}
+    assert ran("examples", "node.mjs") == (0, (EXAMPLES / "node.mjs").read_text(encoding="utf-8"), "")
+    status, _, said = ran("examples", "node")
+    assert (status, "lists, got 'node', perhaps node.mjs is meant" in said) == (2, True)
 
 
 PACKAGE = ROOT / "tools" / "examples" / "unity"
@@ -226,3 +226,40 @@ def test_what_the_nodes_send_is_a_body(tmp_path: Path) -> None:
     assert (frame.performer, sorted(joints)) == ("ann", sorted(bones.values()))
     centred = np.array([places[each] - places["root"] for each in joints])
     np.testing.assert_allclose(frame.positions - frame.positions[joints.index("root")], 100 * centred, atol=1e-3)
+
+
+# --- the notebook, cell by cell, as Jupyter runs it -------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_notebook_goes_from_files_to_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It prints the paper's table as `evaluate retrieval` has it, draws two figures and keeps a taught library."""
+    import matplotlib.pyplot as plt  # noqa: PLC0415 - it takes a second, which the other tests need not wait
+
+    monkeypatch.chdir(tmp_path)
+    drawn = list[int]()
+    monkeypatch.setattr(plt, "show", lambda: (drawn.append(len(plt.gcf().axes)), plt.close()))
+    plt.switch_backend("agg")
+    notebook = (ROOT / "tools" / "examples" / "from_files_to_figures.ipynb").read_text(encoding="utf-8")
+    cells = json.loads(notebook)["cells"]
+    write_clips(tmp_path)
+    first = "".join(next(cell for cell in cells if cell["cell_type"] == "code")["source"])
+    exec(first.replace('folder = ""', f"folder = {str(tmp_path)!r}"), {})  # noqa: S102 - our own cell
+    assert "12 motions of 3 classes by 2 persons" in capsys.readouterr().out
+    names = dict[str, Any]()
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            assert not cell["outputs"]
+            exec("".join(cell["source"]), names)  # noqa: S102 - our own cells
+        if drawn:
+            # The cells with a live feed, and with a library of one's own, get few motions: they open fast.
+            names |= {"library": small_library(), "clips": small_library().motions}
+    printed = capsys.readouterr().out
+    assert "288 motions of 11 classes by 5 persons" in printed
+    assert re.search(r"any other +95\.8\nanother person's +90\.6\n", printed)
+    assert drawn == [2, 1]
+    guessed, asked = re.search(r"(\d+) of (\d+) squats of other persons are guessed bend", printed).groups()  # type: ignore[union-attr]
+    assert int(guessed) >= 0.9 * int(asked) > 0
+    assert "bend" in MotionLibrary.load("taught.npz").classes

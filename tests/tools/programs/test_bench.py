@@ -1,13 +1,17 @@
-"""`kinespace latency` and `kinespace bench`, small. No figure is held against a limit here."""
+"""`kinespace latency`, `bench` and `demo`, small. No figure is held against a limit here."""
 
 import json
+import math
+from functools import partial
 
 import numpy as np
 import pytest
+from programs import ran
 
+from kinespace.library import MotionLibrary
 from kinespace.stream import Settings
-from kinespace.tools.cli.main import main
-from kinespace.tools.programs import bench
+from kinespace.tools.feeding.service import background_service
+from kinespace.tools.programs import bench, demo
 from kinespace.tools.programs.latency import measure
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
@@ -47,12 +51,49 @@ def _short_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_short_rounds")
-def test_one_part_prints_exactly_the_standard_figures(capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_part_prints_exactly_the_standard_figures() -> None:
     """One part gives one JSON object: all names, its own figures, null for the others."""
-    assert main(["bench", "stages", "--json"]) == 0
-    output, errors = capsys.readouterr()
-    assert (errors, output.count("\n")) == ("", 1)
+    status, output, errors = ran("bench", "stages", "--json")
+    assert (status, errors, output.count("\n")) == (0, "", 1)
     figures = json.loads(output)
     assert set(figures) == KEYS
     assert {name for name, figure in figures.items() if figure is not None} == set(bench.STAGES)
     assert min(figures[name] for name in bench.STAGES) > 0
+
+
+# --- demo: motions played into a recogniser on this machine -----------------------------------------------------------
+
+
+#: How many times faster than a person sees it the demo plays; the frames' own times stay the same.
+SPEED = 8.0
+
+
+@pytest.fixture
+def fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Play fast."""
+    monkeypatch.setattr(demo, "clip_cues", partial(demo.clip_cues, speed=SPEED))
+
+
+@pytest.mark.usefixtures("fast")
+def test_the_demo_names_every_motion() -> None:
+    """It prints exactly one JSON object in which every class was played, answered and right."""
+    status, printed, errors = ran("demo", "--json")
+    assert (status, printed.count("\n"), errors) == (0, 1, "")
+    described = json.loads(printed)
+    assert set(described) == {"played", "answered", "right", "late", "p99_ms"}
+    assert described["right"] == described["played"] == described["answered"] == 11
+    assert 0 < described["p99_ms"] < math.inf
+
+
+@pytest.mark.usefixtures("fast")
+def test_a_recogniser_that_knows_other_names_is_not_right(
+    small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Answers other than the expected ones do not count: no motion is right, and the status is 1."""
+    other = small_library.renamed({name: f"not {name}" for name in small_library.classes})
+    monkeypatch.setattr(MotionLibrary, "builtin", lambda: small_library)
+    monkeypatch.setattr(
+        demo.service, "background_service", lambda *of, **more: background_service(*of, **{**more, "library": other})
+    )
+    status, printed, _ = ran("demo", "--json")
+    assert (status, json.loads(printed)) == (1, {"played": 3, "answered": 0, "right": 0, "late": 0, "p99_ms": None})

@@ -8,14 +8,13 @@ from itertools import cycle
 import numpy as np
 import pytest
 from golden import LAYOUTS, bundle, message, moments
-from programs import LOOPBACK, free_udp_port, ghost_cues, started
+from programs import LOOPBACK, free_udp_port, ghost_cues, ran, started
 from skeletons import names_of
 
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
 from kinespace.stream.inputs.detection import Survey
-from kinespace.tools.cli.main import main
 from kinespace.tools.programs.listen import advice, as_object, command
 
 # --- listen -----------------------------------------------------------------------------------------------------------
@@ -98,16 +97,14 @@ def test_the_program_gives_json() -> None:
     assert "/qtm/data" in {kind["address"] for kind in report["messages"]}
 
 
-def test_feeds_are_listed_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_feeds_are_listed_and_printed() -> None:
     """Every preset has its port and its sender's settings; one of them is printed as its file."""
-    assert main(["feeds"]) == 0
-    output = capsys.readouterr().out
+    _, output, _ = ran("feeds")
     for preset in PRESETS:
         assert f"\n{preset.name}  port {preset.port}, " in f"\n{output}"
         assert preset.sender in output
-    assert main(["feeds", "vmc"]) == 0
-    assert "/VMC/Ext/Bone/Pos" in capsys.readouterr().out
-    assert main(["feeds", "kinect"]) == 2
+    assert "/VMC/Ext/Bone/Pos" in ran("feeds", "vmc")[1]
+    assert ran("feeds", "kinect")[0] == 2
 
 
 # --- listen names -----------------------------------------------------------------------------------------------------

@@ -2,74 +2,70 @@
 
 import csv
 import json
-from contextlib import closing
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import JOINTS, SWINGS, write_clip, write_clips
+from programs import LOOPBACK, Program, ran, started, until
 from synthetic import ARM, TinyBone, amc_text
+from written import JOINTS, SWINGS, write_clip, write_clips
 
 from kinespace.library import NOTHING, MotionLibrary, read_recordings
 from kinespace.library.naming import hdm05
 from kinespace.library.windows.opening import opened
-from kinespace.stream.frame import Frame
-from kinespace.stream.inputs.kinerec import RawPacket, RawWriter
+from kinespace.stream import Announcement, Frame, osc
+from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, RawWriter, encode_header, encode_packet
 from kinespace.stream.osc.messages import encode_frame
-from kinespace.tools.cli.main import main
 
-pytestmark = pytest.mark.slow
-
-
-def build(*arguments: object) -> int:
-    """Run `kinespace build` in this process."""
-    return main(["build", *map(str, arguments)])
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
 
 # --- recordings --------------------------------------------------------------------------------------------------
 
 
-def test_a_folder_becomes_a_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_becomes_a_library(tmp_path: Path) -> None:
     """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
     (tmp_path / "cut").mkdir()
     paths = write_clips(tmp_path / "cut")
     output = tmp_path / "mine.npz"
-    assert build(tmp_path / "cut", "-o", output) == 0
+    status, printed, _ = ran("build", tmp_path / "cut", "-o", output)
     built = MotionLibrary.load(output)
     assert built.classes == tuple(sorted(SWINGS))
     assert set(built.skeleton.joints) == set(JOINTS)
     for one, other in zip(built.motions, MotionLibrary.of_clips(read_recordings(paths)).motions, strict=True):
         assert np.array_equal(one.positions, other.positions)
     assert {motion.frame_rate for motion in built.motions} == {60.0}
-    megabytes = output.stat().st_size / 1e6
-    assert capsys.readouterr().out == f"{output}: 12 motions, 3 classes, {megabytes:.2f} MB\n"
+    assert (status, printed) == (0, f"{output}: 12 motions, 3 classes, {output.stat().st_size / 1e6:.2f} MB\n")
 
 
-def test_labels_beside_recordings_cut_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labels_beside_recordings_cut_them(tmp_path: Path) -> None:
     """Labels beside a take with its name are used, and odd labels cause a remark."""
     cut, whole = write_clip(tmp_path, "bd", "bendLeft", 1), write_clip(tmp_path, "bd", "bendLeft", 2)
     cut.with_suffix(".txt").write_text("0.0\t0.75\tup\n0.75\t1.5\tdown\n1.5\t9.0\taway\n")
     output = tmp_path / "library.npz"
-    assert main(["build", str(cut), str(whole), "-o", str(output)]) == 0
+    _, printed, _ = ran("build", cut, whole, "-o", output)
     assert [motion.class_name for motion in MotionLibrary.load(output).motions] == ["bendLeft", "down", "up"]
-    printed = capsys.readouterr().out
     assert "1 of 2 recordings cut by the labels next to them" in printed
     assert "1 of 3 labels reach beyond the take (0.0 to 1.5 s): 0 shortened, 1 left out" in printed
     cut.with_suffix(".csv").write_text("start_s,end_s,label\n20.5,180,up\n")
-    assert main(["build", str(cut), "-o", str(tmp_path / "none.npz")]) == 2
-    assert "expected segments with two frames or more" in capsys.readouterr().err
+    status, _, said = ran("build", cut, "-o", tmp_path / "none.npz")
+    assert (status, "expected segments with two frames or more" in said) == (2, True)
 
 
-def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_lost_in_silence(tmp_path: Path) -> None:
     """Files that are passed over, a second file of labels and labels of somebody else are listed."""
     (tmp_path / "cut").mkdir()
     take = write_clip(tmp_path / "cut", "bd", "bendLeft", 1)
     take.with_suffix(".csv").write_text("start_s,end_s,label,performer\n0,0.75,up,bd\n0.75,1.5,down,zoe\n")
     take.with_suffix(".txt").write_text("0.0\t0.75\tup\n")
     (tmp_path / "cut" / "notes.csv").write_text("day;weather\n")
-    assert build(tmp_path / "cut", "-o", tmp_path / "library.npz") == 0
-    name, printed = take.stem, capsys.readouterr().out.splitlines()
+    _, out, _ = ran("build", tmp_path / "cut", "-o", tmp_path / "library.npz")
+    name, printed = take.stem, out.splitlines()
     assert printed[0].startswith(f"{tmp_path / 'library.npz'}: 1 motion, 1 class, ")
     assert printed[1:] == [
         "1 of 1 recording cut by the labels next to them",
@@ -79,13 +75,12 @@ def test_nothing_is_lost_in_silence(tmp_path: Path, capsys: pytest.CaptureFixtur
     ]
 
 
-def test_all_damaged_recordings_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_damaged_recordings_are_named(tmp_path: Path) -> None:
     """A folder with damaged files ends with one line that names ten of them, and how many more there are."""
     for number in range(12):
         (tmp_path / f"{number:02}.bvh").write_text("HIERARCHY\n")
-    assert build(tmp_path, "-o", tmp_path / "library.npz") == 2
-    message = capsys.readouterr().err
-    assert message.count("\n") == 1
+    status, _, message = ran("build", tmp_path, "-o", tmp_path / "library.npz")
+    assert (status, message.count("\n")) == (2, 1)
     assert [f"{number:02}.bvh" in message for number in range(12)] == [True] * 10 + [False] * 2
     assert message.endswith("; and 2 more\n")
 
@@ -99,10 +94,10 @@ def test_libraries_and_recordings_are_put_together(tmp_path: Path) -> None:
     for actor in ("bd", "mm"):
         (tmp_path / actor).mkdir()
         write_clips(tmp_path / actor, actors=(actor,), takes=1)
-        build(tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
+        ran("build", tmp_path / actor, "-o", tmp_path / f"{actor}.npz")
     write_clips(tmp_path / "cut", actors=("bd", "tr"), takes=1)
     sources = (tmp_path / "bd.npz", tmp_path / "mm.npz", tmp_path / "cut")
-    assert build(*sources, "-o", tmp_path / "all.npz") == 0
+    assert ran("build", *sources, "-o", tmp_path / "all.npz")[0] == 0
     assert [(motion.class_name, motion.actor) for motion in MotionLibrary.load(tmp_path / "all.npz").motions] == [
         (class_name, actor) for class_name in sorted(SWINGS) for actor in ("bd", "mm", "tr")
     ]
@@ -113,7 +108,7 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     MotionLibrary.builtin().save(tmp_path / "all.npz")
     options = ("--without", "bk", "--without", "squat1Reps", "--without", "tr", "--rename", "grabHighR=grab")
     options = (*options, "--rename", "sneak2StepsLStart=sneak", "--rename", f"throwBasketball={NOTHING}")
-    assert build(tmp_path / "all.npz", "-o", tmp_path / "some.npz", *options) == 0
+    assert ran("build", tmp_path / "all.npz", "-o", tmp_path / "some.npz", *options)[0] == 0
     some, every = MotionLibrary.load(tmp_path / "some.npz"), MotionLibrary.builtin()
     assert some.actors == ("bd", "dg", "mm")
     gone = {"squat1Reps", "grabHighR", "sneak2StepsLStart", "throwBasketball"}
@@ -122,9 +117,6 @@ def test_classes_and_persons_are_left_out_and_classes_renamed(tmp_path: Path) ->
     assert {motion.name for motion in some.motions} == {motion.name for motion in kept}
     nothing = [motion.name for motion in some.motions if motion.class_name == NOTHING]
     assert nothing == [motion.name for motion in kept if motion.class_name == "throwBasketball"]
-
-
-# --- the file ----------------------------------------------------------------------------------------------------
 
 
 # --- cut -------------------------------------------------------------------------------------------------------------
@@ -165,13 +157,12 @@ def _filled_in(labels: Path) -> None:
         written.writerows(rows)
 
 
-def test_an_evening_becomes_a_library(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_evening_becomes_a_library(evening: Path) -> None:
     """Cut proposes a row for each movement of each performer; with classes filled in, build makes a library of it."""
     labels, library = evening.with_suffix(".csv"), evening.with_name("mine.npz")
-    assert main(["cut", str(evening)]) == 0
-    assert "6 movements of ann, bo" in capsys.readouterr().out
+    assert "6 movements of ann, bo" in ran("cut", evening)[1]
     _filled_in(labels)
-    assert main(["build", str(evening), "--labels", str(labels), "-o", str(library)]) == 0
+    assert ran("build", evening, "--labels", labels, "-o", library)[0] == 0
     built = MotionLibrary.load(library)
     assert [(motion.class_name, motion.actor) for motion in built.motions] == [
         (name, performer) for name in "abc" for performer in ("ann", "bo")
@@ -191,12 +182,12 @@ def test_an_evening_becomes_a_library(evening: Path, capsys: pytest.CaptureFixtu
         ("1,2,,ann", "no segment in it"),
     ],
 )
-def test_labels_that_do_not_fit(evening: Path, capsys: pytest.CaptureFixture[str], row: str, message: str) -> None:
+def test_labels_that_do_not_fit(evening: Path, row: str, message: str) -> None:
     """Labels that do not fit their recording are refused in one line."""
     labels = evening.with_name("labels.csv")
     labels.write_text(f"start_s,end_s,label,performer\n{row}\n")
-    assert main(["build", str(evening), "--labels", str(labels), "-o", str(evening.with_name("m.npz"))]) == 2
-    assert message in capsys.readouterr().err
+    status, _, said = ran("build", evening, "--labels", labels, "-o", evening.with_name("m.npz"))
+    assert (status, message in said) == (2, True)
 
 
 # --- info ------------------------------------------------------------------------------------------------------------
@@ -208,12 +199,10 @@ def _row(printed: str, class_name: str) -> list[str]:
     return row
 
 
-@pytest.mark.usefixtures("wide")
-def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_the_built_in_library() -> None:
     """Without a file, every class of the built-in library has its row, then come its terms."""
-    assert main(["info"]) == 0
-    printed = capsys.readouterr().out
-    library = MotionLibrary.builtin()
+    (status, printed, _), library = ran("info"), MotionLibrary.builtin()
+    assert status == 0
     assert printed.startswith("built-in ")
     for index, class_name in enumerate(library.classes):
         motions = [motion for motion in library.motions if motion.class_name == class_name]
@@ -232,7 +221,7 @@ def test_info_describes_the_built_in_library(capsys: pytest.CaptureFixture[str])
         assert f"\n{line}\n" in printed
 
 
-def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path) -> None:
     """HDM05's archive has a folder for each class, and the persons' skeletons beside: all is found by its names."""
     legs = [TinyBone(each, parent="upper", dof=("rx", "ry")) for each in ("lleg", "rleg", "neck")]
     body, archive = replace(ARM, bones=(*ARM.bones, *legs)), tmp_path / "hdm05_cut_amc"
@@ -247,12 +236,114 @@ def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path, capsys:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(amc_text(frames))
         (archive / f"HDM_{actor}.asf").write_text(replace(body, length=body.length * person).asf())
-    assert build(archive, "-o", tmp_path / "all.npz") == 0
+    assert ran("build", archive, "-o", tmp_path / "all.npz")[0] == 0
     library = MotionLibrary.load(tmp_path / "all.npz")
     assert (len(library.motions), len(library.classes), library.actors) == (260, 130, ("bd", "bk"))
-    capsys.readouterr()
-    assert main(["evaluate", "retrieval", str(archive), "--protocol", "actor-held-out", "--json"]) == 0
-    rows = {row["space"]: row for row in json.loads(capsys.readouterr().out)}
+    _, printed, _ = ran("evaluate", "retrieval", archive, "--protocol", "actor-held-out", "--json")
+    rows = {row["space"]: row for row in json.loads(printed)}
     assert {(row["motions"], row["classes"], row["persons"]) for row in rows.values()} == {(260, 130, 2)}
     assert rows["distances"]["nearest"] > 0.9
     assert rows["distances"]["confusion"]["class7"]["class7"] == 1.0
+
+
+# --- record: packets replayed bit for bit, described, converted -------------------------------------------------------
+
+
+@contextmanager
+def recording(path: Path, *options: object) -> Iterator[tuple[Program, osc.OscSender]]:
+    """Run `kinespace record` on a port chosen by the system, and a sender to it."""
+    with started("record", path, "--osc-in", f"{LOOPBACK}:0", *options) as program:
+        port = int(program.expect(r"recording osc 127\.0\.0\.1:(\d+)")[1])
+        sender = osc.OscSender(LOOPBACK, port)
+        yield program, sender
+        sender.close()
+
+
+def datagrams(count: int) -> list[bytes]:
+    """Make packets that cannot be confused, some of them no OSC."""
+    positions = np.arange(18, dtype=np.float32).reshape(6, 3)
+    return [
+        b"rubbish %d" % index if index % 10 == 9 else osc.encode_frame(Frame("p", 1.0 + index / 100, positions + index))
+        for index in range(count)
+    ]
+
+
+def written(path: Path, *packets: RawPacket, sources: tuple[str, ...] = ("osc here",)) -> Path:
+    """Write a recording as a crash would leave it: never closed, which makes no difference."""
+    path.write_bytes(encode_header(RawHeader("now", sources)) + b"".join(map(encode_packet, packets)))
+    return path
+
+
+def received(receiver: osc.OscReceiver, count: int) -> list[bytes]:
+    """Take in so many datagrams."""
+    got: list[bytes] = []
+    until(lambda: got.extend(iter(receiver.receive, None)) or len(got) >= count)
+    return got
+
+
+# --- recording ---------------------------------------------------------------------------------------------------
+
+
+def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, stage: osc.OscReceiver) -> None:
+    """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
+    path, sent = tmp_path / "a.kinerec", datagrams(200)
+    with recording(path) as (program, sender):
+        for datagram in sent:
+            sender.send(datagram)
+            time.sleep(0.001)
+        until(lambda: len(list(RawFile(path).packets())) >= 200)
+        assert program.interrupt() == 0
+        assert program.errors == ""
+        assert "200 packets" in program.output
+    packets = list(RawFile(path).packets())
+    assert [packet.parts for packet in packets] == [(datagram,) for datagram in sent]
+    assert len({packet.sender for packet in packets}) == 1
+    # A process that is held between two looks at a clock dates a packet a little early.
+    assert all(first.arrival <= second.arrival + 0.5 for first, second in pairwise(packets))
+    status, printed, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json")
+    told = dict.fromkeys(("left_out", "failed", "unheard"), 0) | {"sent": 200, "lost_from": None}
+    assert (status, json.loads(printed)) == (0, told)
+    assert received(stage, 200) == sent
+
+
+# --- telling and converting --------------------------------------------------------------------------------------
+
+
+def a_recording(path: Path) -> Path:
+    """Write a recording of two performers, one of whom changes the order of her joints."""
+    frames = np.random.default_rng(8).normal(size=(6, 6, 3)).astype(np.float32)
+    events = [Announcement("ann", JOINTS), *(Frame("ann", 1.0 + index, frames[index]) for index in range(3))]
+    events += [Frame("bob", 0.0, frames[0, :4]), Announcement("ann", JOINTS[::-1])]
+    events += [Frame("ann", 4.0, frames[3, ::-1]), Frame("ann", 5.0, frames[4, :5])]
+    encoded = [osc.encode_frame(e) if isinstance(e, Frame) else osc.encode_announcement(e) for e in events]
+    return written(path, *(RawPacket(index / 8, 0, "x:1", (each,)) for index, each in enumerate(encoded)))
+
+
+def test_info_describes_a_recording(tmp_path: Path) -> None:
+    """Info gives length, senders with packets, performers with frames, and the place of a cut."""
+    path = a_recording(tmp_path / "a.kinerec")
+    path.write_bytes(path.read_bytes() + b"torn")
+    lines = ran("info", path)[1].splitlines()
+    assert lines[0] == f"{path}: recorded now, 0.9 s"
+    assert lines[1:4] == ["osc here from x:1: 8 packets", "performer ann: 5 frames", "performer bob: 1 frames"]
+    assert "the 4 bytes from there on are not read" in lines[4]
+
+
+def test_a_recording_becomes_numbers(tmp_path: Path) -> None:
+    """Times and positions are the sent ones, in one order of joints, in .npz and in CSV."""
+    frames = np.random.default_rng(8).normal(size=(6, 6, 3)).astype(np.float32)
+    path = a_recording(tmp_path / "a.kinerec")
+    for name in ("a.npz", "a.csv"):
+        status, printed, _ = ran("convert", path, "-o", tmp_path / name, "--performer", "ann")
+        assert (status, "4 frames of 6 joints, 1 frames of other joints left out" in printed) == (0, True)
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as numbers:
+        assert numbers["time"].tolist() == [1.0, 2.0, 3.0, 4.0]
+        np.testing.assert_array_equal(numbers["positions"], frames[:4])
+        assert numbers["joints"].tolist() == list(JOINTS)
+        assert numbers["performer"] == "ann"
+    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
+        heads, *rows = csv.reader(file)
+    assert heads == ["time", *(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")]
+    np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 0], [1, 2, 3, 4])
+    np.testing.assert_array_equal(np.array(rows, dtype=np.float64)[:, 1:].astype(np.float32), frames[:4].reshape(4, -1))
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "a.kinerec", "a.npz"]

@@ -11,15 +11,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, PATIENCE, free_udp_port, small_library
-from recorded import write_clip, write_clips
+from programs import LOOPBACK, PATIENCE, free_udp_port, ran, small_library
+from written import write_clip, write_clips
 
 from kinespace.library import MotionLibrary, Reading, opened, read_recordings
 from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
 from kinespace.stream.inputs import OscDecoder, Source
 from kinespace.stream.outputs import LayoutSink, NativeLayout
 from kinespace.stream.service.loop import Service
-from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
 from kinespace.tools.programs.replay import pieces_of
 
@@ -42,9 +41,9 @@ def take(tmp_path: Path) -> Path:
     return write_clip(tmp_path, "bd", "bendLeft", 1)
 
 
-def replay(*arguments: object) -> int:
+def replay(*arguments: object) -> tuple[int, str, str]:
     """Run `kinespace replay` in this process, eight times as fast as recorded by default."""
-    return main(["replay", "--speed", str(SPEED), *map(str, arguments)])
+    return ran("replay", "--speed", SPEED, *arguments)
 
 
 def target(receiver: osc.OscReceiver) -> str:
@@ -82,9 +81,10 @@ def recognising(library: MotionLibrary, source: object, sink: object) -> Iterato
         sink.close()  # type: ignore[attr-defined]  # as any sink
 
 
-def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path) -> None:
     """The joints are announced first; then every frame comes in order with its time and its positions as float32."""
-    assert replay(take, "--osc", target(stage), "--performer", "me") == 0
+    said = "sending 1 recording\n180 frames sent, 0 refused by the system\n"
+    assert replay(take, "--osc", target(stage), "--performer", "me")[:2] == (0, said)
     events = received(stage)
     (clip,) = read_recordings([take])
     assert events[0] == Announcement("me", clip.skeleton.joints)
@@ -92,7 +92,6 @@ def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path, caps
     assert [frame.performer for frame in frames] == ["me"] * clip.frames
     np.testing.assert_allclose([frame.time for frame in frames], 1.0 + clip.times, rtol=1e-12)
     np.testing.assert_array_equal([frame.positions for frame in frames], clip.positions.astype(np.float32))
-    assert capsys.readouterr().out == "sending 1 recording\n180 frames sent, 0 refused by the system\n"
 
 
 def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
@@ -115,27 +114,27 @@ def test_a_class_of_the_built_in_library_can_be_named(
     library = small_library().without(actors=("bd", "dg"))
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: library)
     squats = [motion for motion in library.motions if motion.class_name == "squat1Reps"]
-    assert replay("squat1Reps", "--osc", target(stage)) == 0
+    assert replay("squat1Reps", "--osc", target(stage))[0] == 0
     assert len(frames_in(received(stage))) == sum(motion.frames for motion in squats)
-    assert replay("squat1Reps", "--osc", target(stage), "--from", 0.2, "--to", 0.5) == 0
+    assert replay("squat1Reps", "--osc", target(stage), "--from", 0.2, "--to", 0.5)[0] == 0
     frames = frames_in(received(stage))
     np.testing.assert_array_equal(frames[0].positions, squats[0].positions[12].astype(np.float32))
     assert len(frames) == 18 * len(squats)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "squat1Reps").mkdir()
     take.rename(tmp_path / "squat1Reps" / take.name)
-    assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf") == 0
+    assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf")[0] == 0
     assert len(frames_in(received(stage))) == 180
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
-def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_frames_that_nobody_hears_are_counted(transport: str, take: Path) -> None:
     """Where no program listens the report says so, counts the packets, and the status is 1."""
     port = free_udp_port()
     to = {"osc": ("--osc", f"{LOOPBACK}:{port}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
-    assert replay(take, *to, "--speed", SPEED) == 1
-    _, sent, unheard = capsys.readouterr().out.splitlines()
-    assert sent == "180 frames sent, 0 refused by the system"
+    status, printed, _ = replay(take, *to)
+    _, sent, unheard = printed.splitlines()
+    assert (status, sent) == (1, "180 frames sent, 0 refused by the system")
     place = to[1].removeprefix("@")
     assert re.match(
         rf"no program listens at {re.escape(place)}(, or it lets in none .*)?: 18\d packets were lost; start", unheard
@@ -143,9 +142,7 @@ def test_frames_that_nobody_hears_are_counted(transport: str, take: Path, capsys
 
 
 @pytest.mark.parametrize("performer", ["my dancer", "[/]"])
-def test_osc_answers_to_any_performer_are_counted(
-    performer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_osc_answers_to_any_performer_are_counted(performer: str, tmp_path: Path) -> None:
     """With --listen every answer is compared with the class performed, for any name of the performer."""
     take = write_clip(tmp_path, "bd", "bendLeft", 1)
     clips = list(read_recordings(write_clips(tmp_path, takes=1)))
@@ -156,9 +153,9 @@ def test_osc_answers_to_any_performer_are_counted(
     to = target(source.receiver)
     with recognising(library, source, sink):
         arguments = (take, "--osc", to, "--listen", f"{LOOPBACK}:{port}", "--performer", performer, "--json")
-        assert replay(*arguments, "--speed", "2") == 0
-    described = json.loads(capsys.readouterr().out)
-    assert set(described) == KEYS
+        status, printed, _ = replay(*arguments, "--speed", "2")
+    described = json.loads(printed)
+    assert (status, set(described)) == (0, KEYS)
     assert (described["sent"], described["failed"]) == (180, 0)
     recognizer = Recognizer(library)
     answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips[:1], "me")]
@@ -167,9 +164,7 @@ def test_osc_answers_to_any_performer_are_counted(
     assert described["right"] == round(sum(right) / len(right), 4)
 
 
-def test_ctrl_c_ends_the_feed_and_reports(
-    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_ends_the_feed_and_reports(stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An endless feed goes through the clip again and again; Ctrl-C ends it with the report, alone, and status 0."""
     now = [0.0]
 
@@ -179,10 +174,9 @@ def test_ctrl_c_ends_the_feed_and_reports(
             raise KeyboardInterrupt
 
     monkeypatch.setattr("kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=lambda: now[0], sleep=sleep))
-    assert main(["replay", str(take), "--osc", target(stage), "--loop", "--json"]) == 0
-    printed = capsys.readouterr().out
+    status, printed, _ = ran("replay", take, "--osc", target(stage), "--loop", "--json")
     described = json.loads(printed)
-    assert set(described) == KEYS
+    assert (status, set(described)) == (0, KEYS)
     frames = frames_in(received(stage))
     assert len(frames) == described["sent"] > 400
     times = [frame.time for frame in frames]

@@ -12,7 +12,7 @@ from kinespace.library.naming import Naming
 MAX_JOINTS = 1000
 #: Words for a position behind a joint's name.
 _PLACE = re.compile(
-    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coord(inate)?s?|location|axis|world|global)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
+    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coord(inate)?s?|loc(ation)?|axis|3d|world|global)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
 )
 #: Names that programs give to markers that have none.
 _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*", re.IGNORECASE)

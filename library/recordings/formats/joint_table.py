@@ -63,8 +63,9 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: A number in a field of several (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), and the
-#: characters of such a field, at most.
+#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), such a
+#: number, and the characters of such a field, at most.
+_BRACKETS = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
@@ -271,9 +272,12 @@ class _Table:
     def _of_smpte(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
         """Give the seconds of times whose fractions hold the number of a frame."""
         frames = np.round(moments % 1 * _SMPTE)
-        rate = self.header.rate
+        rate, most = self.header.rate, float(np.nanmax(frames)) + 1
+        if most > max(_OF_SMPTE):
+            # Milliseconds stand behind a colon, too.
+            return moments
         if not rate:
-            most, shows = float(np.nanmax(frames)) + 1, bool((np.diff(frames) < 0).any())
+            shows = bool((np.diff(frames) < 0).any())
             rate = next((each for each in (_OF_SMPTE if shows else _USUAL_SMPTE) if each >= most), most)
             if not shows:
                 self.notes.append(f"times: SMPTE's within one second: {rate:g} frames a second")
@@ -315,7 +319,8 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
             # A row of any length, otherwise.
             if line.count('"') % 2:
                 raise csv.Error("a quotation mark that does not end on its line")
-            yield line
+            # What stands in brackets is one field, without quotation marks, too.
+            yield _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line)
 
     if mark == " ":
         return (line.replace('"', "").lstrip("# ").split() for line in whole())

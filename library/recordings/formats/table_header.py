@@ -20,9 +20,11 @@ from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
-    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
-    re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
+    re.compile(r"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z\d]{1,11}))?[\W_]*"),
+    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"),
+    re.compile(
+        r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*[^\W_]|\d+)[\W_]*"
+    ),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
@@ -52,7 +54,7 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
-    r"(export |camera |(stream )?nominal )?"
+    r"((export|camera|capture|recording|video|(stream )?nominal) )?"
     r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
     re.IGNORECASE,
 )
@@ -172,9 +174,10 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' ").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
-                joint = f"{named['joint']}_{unit}" if unit and metres_of(unit) is None else named["joint"]
+                is_name = unit.isdigit() or metres_of(unit or "m") is None
+                joint = f"{named['joint']}_{unit}" if is_name else named["joint"]
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
-                units.add(unit)
+                units.add("" if is_name else unit)
                 measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)

@@ -14,6 +14,7 @@ import io
 import math
 import warnings
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -87,13 +88,30 @@ def _announced(said: Any) -> int:  # noqa: ANN401
     return (int(last) - int(first) + 1) % _WRAP if last else 0
 
 
+def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # noqa: ANN401
+    """Give points and other numbers of a frame, and the scale.
+
+    Where header and parameters differ those count by which `held` bytes are as many frames as announced.
+    """
+    header, used, factor = said.header, said.get("POINT:USED"), said.get("POINT:SCALE")
+    points = header.point_count, int(used.uint16_value) if used else 0
+    scales = header.scale_factor, float(factor.float_value) if factor else math.nan
+
+    def apart(kind: tuple[int, float]) -> float:
+        size = (4 if kind[1] < 0 else 2) * (4 * kind[0] + header.analog_count)
+        return abs(held / size - announced) if size and math.isfinite(kind[1]) else math.inf
+
+    count, scale = min(product(points, scales), key=apart) if announced else (points[0], scales[0])
+    return count, header.analog_count, scale
+
+
 def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:  # noqa: ANN401
     """Read the points, (frames, points, 3) in the file's unit, NaN where one is out of sight, and remarks."""
-    points, analog, scale = said.header.point_count, said.header.analog_count, said.header.scale_factor
     begin = said.header.parameter_block
     # Where the header does not say it, frames follow the parameters, whose third byte counts their blocks.
     block = said.header.data_block or begin + content[(begin - 1) * _BLOCK + 2]
     announced, width, place = _announced(said), 4, 0
+    points, analog, scale = _layout(said, len(content) - (block - 1) * _BLOCK, announced)
     held = (said.get(f"ROTATION:{name}") for name in ("USED", "DATA_START"))
     turns, matrices = (int(each.uint16_value) if each else 0 for each in held)
     if turns and matrices > block and points:

@@ -58,7 +58,7 @@ def _labels(path: Path, number: int, line: str, announced: int, lead: int) -> li
     cells = [label.strip() for label in line.split("\t")[lead:]]
     if any(cells[::3]) and not any((*cells[1::3], *cells[2::3])) and len(cells[::3]) >= announced > 1:
         # A marker without a name keeps its columns.
-        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3][:announced], 1)]
+        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3], 1)]
     tabbed = [label for label in cells if label]
     spaced = line.split()[lead:]
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
@@ -99,7 +99,8 @@ def _frames(
             if len(fields) - columns in (-1, 2) and "time" not in named[1].lower().split()[1:2]:
                 # Frames with a number, or a time, alone; else a field is cut off.
                 labels, lead = _labels(path, *named, 1), 1
-            # Markers behind those that have names.
+            # Names behind those that are announced, without columns; and markers behind those that have names.
+            labels = labels[: max((len(fields) - lead) // 3, named[2] or len(labels))]
             labels += [f"marker {number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]
             columns = lead + 3 * len(labels)
         row = [each for each in fields if each is not None]

@@ -371,7 +371,13 @@ def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
         return None
     parts = [_PART.findall(cell) if len(cell) < _MAX_POINT else [] for cell in row]
     points = [place for place, each in enumerate(parts) if len(each) == 3 and None not in map(number_of, each)]
-    points = points if len(points) > 1 else []
+    # Of a table with one joint in a row there is one such field.
+    ways = [points] if len(points) != 1 else [[], points]
+    return next(filter(None, (_with_points(head, row, line, each) for each in ways)), None)
+
+
+def _with_points(head: list[list[str]], row: list[str], line: int, points: Collection[int]) -> _Table | None:
+    """Begin a table whose frames hold three numbers in some fields; None as in `_part`."""
     first = _spread(row, points)
     if not is_numbers(first, named=True):
         return None

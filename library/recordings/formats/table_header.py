@@ -18,10 +18,12 @@ from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.timed_frames import words_of
 from kinespace.library.recordings.formats.units import METRES, WORDS, metres_of
 
+#: What stands behind an axis: a word for a place, a unit or another word.
+_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:[\W_]+(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
-    re.compile(r"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z\d]{1,11}))?[\W_]*"),
-    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"),
+    re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
+    re.compile(rf"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
         r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*[^\W_]|\d+)[\W_]*"
     ),
@@ -218,6 +220,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     axes = [
         (axis[1].lower(), axis[2], place) for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))
     ]
+    axes = [each for each in axes if _WORLD & {*words_of(row[each[2]])}] or axes
     units = {unit.lower() for _, unit, _ in axes if unit}
     threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
     # Where joints stand beside each other a cell in front of each names it, in this row or in the next.

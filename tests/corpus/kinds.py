@@ -145,6 +145,21 @@ def _motive() -> str:
     return head + _frames(numbers, lambda index: f"{index},{index / RATE:.6f}")
 
 
+def _motive_markers() -> str:
+    """Motive's markers alone: names, numbers and kinds stand thrice."""
+    rows = (
+        ("Type", ["Marker"] * 16),
+        ("Name", [f"Ann:{name}" for name in NAMES]),
+        ("ID", ["7"] * 16),
+        ("", ["Position"] * 16),
+    )
+    head = "".join(",".join(["", title, *(cell for cell in cells for _ in "xyz")]) + "\n" for title, cells in rows)
+    axes = ",".join(["Frame", "Time (Seconds)", *"XYZ" * 16])
+    return f"Format Version,1.23,Length Units,Meters\n\n{head}{axes}\n" + _frames(
+        lambda frame: frame.ravel().tolist(), lambda index: f"{index},{index / RATE:.6f}"
+    )
+
+
 def _rigid() -> str:
     """Motive's rigid bodies: each of their markers stands there as the body's, and as it was measured."""
     names = [f"{who}:Marker {number}" for who in ("Front", "Back") for number in (1, 2)]
@@ -383,6 +398,7 @@ def _tables() -> dict[str, Kind]:
         "9999 9999 0 for some frames": (table(positions=_without("LeftHand", np.array([9999, 9999, 0.0]), slice(20, 24))), {"near": 6e-3}),
         "the last line is cut": (table()[:-60], {"frames": slice(-1), "tells": "cut off"}),
         "Motive": (_motive(), {}),
+        "Motive's markers by number": (_motive_markers(), {}),
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "times: none"}),
@@ -411,6 +427,7 @@ def _tables() -> dict[str, Kind]:
         "Vicon Nexus, all parts": (_vicon_parts() + _vicon(), {}),
         "Vicon Workstation": (_vicon_old(), {}),
         "Qualisys, without columns' names": (_qualisys(columns=False), {"ending": "tsv"}),
+        "Qualisys, names of two words": (_qualisys(columns=False).replace("Left", "Left "), {"ending": "tsv", "names": tuple(name.replace("Left", "Left ") for name in NAMES)}),
         "Qualisys' skeleton": (_skeleton(), {"ending": "tsv"}),
         "names over three columns": (table(head=lambda name, axis: name if axis == "x" else ""), {}),
         "names thrice": (table(head="{0}".format), {}),

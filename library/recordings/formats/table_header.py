@@ -114,7 +114,8 @@ def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
     """Say whether a row holds a frame: most of it are numbers, the first one too unless a name may stand there."""
     filled = [field for field in row if field.strip()]
     numbers = sum(number_of(field) is not None for field in filled)
-    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"")
+    # Motive numbers its markers, too.
+    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"") and filled[0].strip() != "ID"
     return begins and numbers > 0.7 * len(filled) - 1.2
 
 

@@ -15,8 +15,12 @@ _NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#[\w/]+[!?]?|null|none|undefi
 _THOUSANDS = re.compile(r"(?<![\d.])-?\d{1,3}(\.\d{3}){2,}(?![\d.])")
 
 
-#: A number with commas between its thousands and a point behind them.
-_GROUPED = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d*")
+#: A number with commas, apostrophes or blanks between its thousands and a point behind them.
+_GROUPED = re.compile(r"[-+]?\d{1,3}([,'’\s]\d{3})+\.\d*")
+
+
+#: How some countries' systems write a minus.
+_MINUS = "\N{MINUS SIGN}"
 
 
 class RecordingError(ValueError):
@@ -49,7 +53,7 @@ def spoilt(text: str) -> str:
 
 def mended(words: Sequence[str]) -> list[str]:
     """Give the numbers of a line with decimal commas, commas between, or no blank before a sign."""
-    text = " ".join(words).replace(";", " ")
+    text = " ".join(words).replace(";", " ").replace(_MINUS, "-")
     text = text.replace(",", " ") if "." in text else re.sub(r"(?<=\d),(?=\d)", ".", text).replace(",", " ")
     return re.sub(r"(?<=[\d.])(?=[-+])", " ", text).split()
 
@@ -57,12 +61,13 @@ def mended(words: Sequence[str]) -> list[str]:
 def number_of(field: str) -> float | None:
     """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
     try:
-        return float(field.strip("'"))
+        return float(field.strip("'=\"").replace(_MINUS, "-"))
     except ValueError:
         if _NOTHING.fullmatch(field):
             return math.nan
     try:
-        return float(field.replace(",", "" if _GROUPED.fullmatch(field) else "."))
+        grouped = _GROUPED.fullmatch(field)
+        return float(re.sub(r"[,'’\s]", "", field) if grouped else field.replace(_MINUS, "-").replace(",", "."))
     except ValueError:
         return None
 

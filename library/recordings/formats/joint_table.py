@@ -35,7 +35,7 @@ from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
-from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing
+from kinespace.library.recordings.formats.timed_frames import SECONDS, are_shuffled, clock_of, laid, timing, words_of
 from kinespace.library.skeleton import Skeleton
 
 #: The marks between fields, in the order in which they are tried.
@@ -469,6 +469,8 @@ def _read(path: Path) -> _Table:
         table = _turned(path, table)
     if others := table.header.others:
         table.notes.append(f"no positions: {listed(others, 5)}: left out")
+    if all("local" in words_of(joint) for joint in table.header.joints):
+        table.notes.append("positions: called local: of places that count from each joint's parent no body is made")
     if table.short:
         few = f"frames: {table.short} have fewer than {table.needed} fields: the joints in the others are not seen"
         table.notes.append(few)

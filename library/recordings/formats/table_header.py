@@ -54,6 +54,7 @@ _FEW = 2
 _DEEP = 12
 #: What pandas writes behind a name that stands there again, or in place of none.
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
+_NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
 _ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
     r"((export|camera|capture|recording|video|(stream )?nominal) )?"
@@ -174,7 +175,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     for way in _WAYS:
         found, units, measures = dict[str, dict[str, int]](), set[str](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' ").replace("°", "deg"))):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' =\"").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 is_name = unit.isdigit() or metres_of(unit or "m") is None
@@ -241,12 +242,15 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
 
 def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     """Read a header whose row of axes is below a row of names."""
-    size = len(rows[place])
-    axes = [_AGAIN.sub("", name.strip().lower().removeprefix("t")) for name in rows[place]]
+    size, numbered = len(rows[place]), sum(bool(_NUMBERED.search(name.strip())) for name in rows[place])
+    # Markers may be counted behind their axes, where names stand above: `X1`.
+    again = _NUMBERED if place and 3 < numbered <= 3 * sum(map(bool, rows[place - 1])) else _AGAIN
+    found = [_AXIS.fullmatch(again.sub("", name.strip())) for name in rows[place]]
+    axes = [axis[1].lower() if axis else name.strip().lower() for axis, name in zip(found, rows[place], strict=True)]
     if min(map(axes.count, "xyz")) < 2:
         return None
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
-    above = [_filled(row, size) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
+    above = [_filled(row, size, axes) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
     below = below if rows[:place] else []
     kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
     said = {cell.lower() for row in above for cell in row}
@@ -281,13 +285,15 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     whole = {joint: _three(each) for joint, each in joints.items() if joint and len(each) == 3}
     others = [joint for joint in whole if _NO_PLACES & {*words_of(joint)[-1:]}]
     whole = {joint: each for joint, each in whole.items() if joint not in others}
-    units = {row[column] for row in below for column in ours} - {""}
+    units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    return _header(rows[:place], names, whole, others, units) if len(whole) > 1 else None
+    return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
 
 
-def _filled(row: Sequence[str], size: int) -> list[str]:
-    """Give each empty cell the text on its left: a name stands over the first of its columns alone."""
+def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str]:
+    """Give each empty cell the text on its left: a name stands over the first of its columns, or the second, alone."""
+    if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis in {*"xyz"}} == {"y"}:
+        row = row[1:]
     cells = [*(name.strip() for name in row), *[""] * size][:size]
 
     def nearest(left: str, here: str) -> str:
@@ -329,8 +335,9 @@ def _header(
 
 
 def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
-    """Give each cell with the cell behind it, and what stands around a colon or an equals sign."""
-    for row in rows:
+    """Give each cell with the cells behind and below it, and what stands around a colon or an equals sign."""
+    for row, below in zip(rows, [*rows[1:], []], strict=False):
+        yield from zip(map(str.strip, row), below, strict=False)
         yield from ((name.strip(), value) for name, value in pairwise(row))
         for cell in row:
             name, mark, value = re.sub("[:=]", ":", cell.strip("#/% "), count=1).partition(":")

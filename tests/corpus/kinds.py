@@ -806,6 +806,7 @@ def _c3ds() -> dict[str, Kind]:
         "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),
         "frame numbers beyond 16 bits": (_at(6, struct.pack("<HH", 65_500, 11)), {}),
         "first and last frame exchanged": (_at(6, struct.pack("<HH", 10, 5)) + b"\0" * 512, {"tells": "there are 48"}),
+        "fewer frames in the header": (_at(8, b"\x1e\0"), {"tells": "the header says 30, there are 48"}),
         "fewer points in the header": (_at(2, b"\x0a\0"), {}),
         "a scale of whole numbers in the header": (_at(12, struct.pack("<f", 0.1)), {}),
         "no block of frames in the header": (_at(16, b"\0\0"), {}),

@@ -105,6 +105,20 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
     return count, header.analog_count, scale
 
 
+def _counted(said: Any, numbers: NDArray[np.float64], announced: int) -> int:  # noqa: ANN401
+    """Count the frames: as the header says, unless the bytes, or POINT:FRAMES and the bytes, tell of others."""
+    least, parameter = announced if announced <= len(numbers) else 0, said.get("POINT:FRAMES")
+    unsaid, count = not least or announced == _WRAP - 1, int(parameter.uint16_value) if parameter else 0
+    if unsaid or len(numbers) >= announced + _WRAP:
+        # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
+        frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
+        while frames > least and not numbers[frames - 1].any():
+            frames -= 1  # the rest of the last block
+        return frames
+    to_the_end = count <= len(numbers) and numbers[count:].nbytes < _BLOCK
+    return count if count > announced and to_the_end else announced
+
+
 def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:  # noqa: ANN401
     """Read the points, (frames, points, 3) in the file's unit, NaN where one is out of sight, and remarks."""
     begin = said.header.parameter_block
@@ -126,13 +140,7 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
         raise ValueError(f"expected a C3D, got an impossible header ({points} points, {announced} frames)")
     each = width * points + analog
     numbers, notes = _numbers(said, content, block, scale, each), list[str]()
-    frames, least = announced, announced if announced <= len(numbers) else 0
-    unsaid = not least or announced == _WRAP - 1
-    if unsaid or len(numbers) >= announced + _WRAP:
-        # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
-        frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
-        while frames > least and not numbers[frames - 1].any():
-            frames -= 1  # the rest of the last block
+    frames = _counted(said, numbers, announced)
     if not frames:
         raise ValueError("expected frames, got a file that ends before its first one")
     if frames != announced:

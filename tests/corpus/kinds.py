@@ -500,6 +500,7 @@ def _tables() -> dict[str, Kind]:
         "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
         "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
         "rows in another order": ("".join(row for n in range(49) for row in [t[n + (n == 9) - (n == 10)]]) if (t := table().splitlines(keepends=True)) else "", {"tells": "another order"}),
+        "rows that end behind their time": (re.sub(r"(?m)^(0\.(?:2333|2500)),.*", r"\1", table()), {"tells": "2 have fewer", "near": 2e-3}),
         "a row twice": (table().replace(row := table().splitlines(keepends=True)[9], 2 * row), {}),
         "frames a second in a comment": ("# 60 fps\n" + table(clock=None), {}),
         "a word in front": (table(head="joint.{}.{}".format), {}),

@@ -595,6 +595,7 @@ def _trcs() -> dict[str, Kind]:
         "more names than markers are announced": (trc().replace("\t48\t16\t", "\t48\t10\t"), {}),
         "quotes": (trc().replace("Hips", '"Hips"').replace("LeftLeg", '"LeftLeg"'), {}),
         "no numbers of frames": ("".join(row.partition("\t")[2] if n > 2 else row for n, row in enumerate(trc().splitlines(keepends=True))), {}),
+        "nobody at first, tabs trimmed": ("\n".join(line.rstrip("\t") for line in trc(positions=gone_at_first * 1000).split("\n")), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
         "nobody at first": (trc(positions=gone_at_first * 1000), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
         "in a .csv": (trc().replace("\t", ","), {"ending": "csv"}),
     }  # fmt: skip

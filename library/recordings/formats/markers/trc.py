@@ -107,7 +107,7 @@ def _frames(
         if frames and len(row) < columns and not line.endswith(("\n", "\r")):
             notes.append(f"frames: the last line, {number}, is cut off and left out")
             break
-        if len(row) < len(fields) or not 3 + lead <= len(row) <= columns:
+        if len(row) < len(fields) or not lead <= len(row) <= columns:
             why = spoilt(line) or f"expected {columns} numbers, got {len(row)} in {line.strip()[:40]!r}"
             refuse(path, number, why)
         values.extend(row + [math.nan] * (columns - len(row)))

@@ -517,6 +517,7 @@ def _tables() -> dict[str, Kind]:
         "a rate below its name": ("Frame Rate,Units\n60,mm\n\n" + table(clock=None, positions=1000 * BODY), {}),
         "names over axes with a number": (",".join(["frame", *(cell for name in NAMES for cell in (name, "", ""))]) + "\n," + ",".join(f"{axis}{n}" for n in range(1, 17) for axis in "XYZ") + "\n" + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "frame numbers"}),
         "names over the second axis": (",".join(["frame", *(cell for name in NAMES for cell in ("", name, ""))]) + "\n," + ",".join([*"xyz"] * 16) + "\n" + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "frame numbers"}),
+        "names over places and turns with units": (",".join(["time", *(name for name in NAMES for _ in range(6))]) + "\ns," + ",".join(["X (deg)", "Y (deg)", "Z (deg)", "X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: np.hstack([frame * 0 + 7, 1000 * frame]).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
         "names over axes with a unit": (",".join(["time", *(name for name in NAMES for _ in "xyz")]) + "\ns," + ",".join(["X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: (1000 * frame).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
         "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", table()), {"reads": False, "tells": "a spreadsheet"}),
         "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),

@@ -19,10 +19,6 @@ _THOUSANDS = re.compile(r"(?<![\d.])-?\d{1,3}(\.\d{3}){2,}(?![\d.])")
 _GROUPED = re.compile(r"[-+]?\d{1,3}([,'’\s]\d{3})+\.\d*")
 
 
-#: How some countries' systems write a minus.
-_MINUS = "\N{MINUS SIGN}"
-
-
 class RecordingError(ValueError):
     """A recording cannot be found or used; the message names it and, where there is one, the line or byte."""
 
@@ -53,7 +49,7 @@ def spoilt(text: str) -> str:
 
 def mended(words: Sequence[str]) -> list[str]:
     """Give the numbers of a line with decimal commas, commas between, or no blank before a sign."""
-    text = " ".join(words).replace(";", " ").replace(_MINUS, "-")
+    text = " ".join(words).replace(";", " ")
     text = text.replace(",", " ") if "." in text else re.sub(r"(?<=\d),(?=\d)", ".", text).replace(",", " ")
     return re.sub(r"(?<=[\d.])(?=[-+])", " ", text).split()
 
@@ -61,13 +57,12 @@ def mended(words: Sequence[str]) -> list[str]:
 def number_of(field: str) -> float | None:
     """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
     try:
-        return float(field.strip("'=\"").replace(_MINUS, "-"))
+        return float(field.strip("'=\""))
     except ValueError:
         if _NOTHING.fullmatch(field):
             return math.nan
     try:
-        grouped = _GROUPED.fullmatch(field)
-        return float(re.sub(r"[,'’\s]", "", field) if grouped else field.replace(_MINUS, "-").replace(",", "."))
+        return float(re.sub(r"[,'’\s]", "", field) if _GROUPED.fullmatch(field) else field.replace(",", "."))
     except ValueError:
         return None
 

@@ -321,7 +321,8 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
             if line.count('"') % 2:
                 raise csv.Error("a quotation mark that does not end on its line")
             # What stands in brackets is one field, without quotation marks, too.
-            yield _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line)
+            has_brackets = "(" in line or "[" in line or "{" in line
+            yield _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line) if has_brackets else line
 
     if mark == " ":
         return (line.replace('"', "").lstrip("# ").split() for line in whole())

@@ -246,6 +246,7 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     # Markers may be counted behind their axes, where names stand above: `X1`.
     again = _NUMBERED if place and 3 < numbered <= 3 * sum(map(bool, rows[place - 1])) else _AGAIN
     found = [_AXIS.fullmatch(again.sub("", name.strip())) for name in rows[place]]
+    found = [axis if axis and (axis[2] or "").lower() not in _NO_LENGTHS else None for axis in found]
     axes = [axis[1].lower() if axis else name.strip().lower() for axis, name in zip(found, rows[place], strict=True)]
     if min(map(axes.count, "xyz")) < 2:
         return None

@@ -521,6 +521,10 @@ def _tables() -> dict[str, Kind]:
         "names over axes with a unit": (",".join(["time", *(name for name in NAMES for _ in "xyz")]) + "\ns," + ",".join(["X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: (1000 * frame).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
         "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", table()), {"reads": False, "tells": "a spreadsheet"}),
         "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),
+        "axes behind a number": (table(head=lambda name, axis: f"m{NAMES.index(name):03}{axis}", more=[(f"m{n:03}c", 1) for n in range(16)]), {"names": tuple(f"m{n:03}" for n in range(16))}),
+        "BTS": ("BTS ASCII format\n\nType:\tPoint 3D tracks\nMeasure unit:\tm\n\nTracks:\t16\nFrequency:\t60 Hz\nFrames:\t48\n\nFrame\t" + table(clock="Time", mark="\t", head=lambda name, axis: f"{name}.{axis.upper()}").replace("\n", "\n1\t").removesuffix("1\t"), {"ending": "emt"}),
+        "sensors by number": (_long("{frame},{id},{x:.4f},{y:.4f},{z:.4f},1,2,3").replace("frame,id,x,y,z,1,2,3", "Frame,Sensor,X,Y,Z,Az,El,Ro"), {"names": tuple(map(str, range(16))), "rate": 30.0, "tells": "frame numbers"}),
+        "Axis Neuron": (table(clock=None, mark="\t", head="{}-Joint-Posi-{}".format, more=[(f"{n}-Sensor-Acce-{axis}", 0.5) for n in NAMES for axis in "xyz"]), {"names": tuple(f"{n}-Joint" for n in NAMES), "ending": "txt", "rate": 30.0, "tells": "no positions: Hips-Sensor-Acce"}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     made = {name: Kind(**{"ending": "csv", "content": text.encode(), **said}) for name, (text, said) in texts.items()}  # type: ignore[arg-type]

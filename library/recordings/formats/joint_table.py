@@ -69,7 +69,7 @@ _BRACKETS = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
-TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
+TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot", ".emt")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
 #: What arrays are that are no table.
 _NO_TABLES = {

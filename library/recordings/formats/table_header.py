@@ -28,6 +28,7 @@ _WAYS = (
         r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*[^\W_]|\d+)[\W_]*"
     ),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
+    re.compile(r"(?P<joint>.*\d)(?P<axis>[xyz])"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")

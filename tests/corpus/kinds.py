@@ -586,6 +586,7 @@ def _trcs() -> dict[str, Kind]:
         "Windows' NaN": (trc(positions=gone).replace("\t\t\n", "\t-nan(ind)\t-1.#IND\tNaN\n"), {"tells": "never seen", "lacking": ("RightFoot",)}),
         "spaces between all": (trc().replace("\t\t\t", " ").replace("\t", " "), {}),
         "a label for each axis": (trc().replace(heads, "\t".join(f"{name}_{axis}" for name in NAMES for axis in "xyz")), {}),
+        "tabs behind": (trc().replace("\n", "\t\t\t\n"), {}),
         "two tabs more in front": (trc().replace("Time\t", "Time\t\t\t"), {}),
         "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),

@@ -58,7 +58,8 @@ def _labels(path: Path, number: int, line: str, announced: int, lead: int) -> li
     cells = [label.strip() for label in line.split("\t")[lead:]]
     if any(cells[::3]) and not any((*cells[1::3], *cells[2::3])) and len(cells[::3]) >= announced > 1:
         # A marker without a name keeps its columns.
-        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3], 1)]
+        count = max(announced, *(number for number, cell in enumerate(cells[::3], 1) if cell))
+        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3][:count], 1)]
     tabbed = [label for label in cells if label]
     spaced = line.split()[lead:]
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed

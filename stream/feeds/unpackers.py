@@ -9,7 +9,6 @@ zigsim    ZIG SIM's JSON: `/zigsim/<device>/<joint> x y z`; its OSC as it is
 xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
 """
 
-import math
 import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -19,11 +18,12 @@ from typing import Any
 
 import msgspec
 
+from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.library.recordings.formats.units import WORDS
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.osc.messages import address_part
-from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet, number_of
+from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, decode_packet
 
 #: Joints whose numbers are known, at most; a sender that makes up names fills the memory, and empties it.
 _MAX_WAITING = 1024
@@ -185,13 +185,14 @@ def _addressed(message: Message) -> list[Message]:
     arguments, address = message.arguments, _bare(message.address)
     if len(arguments) == 1 and isinstance(several := arguments[0], (list, str)):
         arguments = several if isinstance(several, list) else [*several.strip("()[] ").replace(",", " ").split()]
-    named = [place for place, each in enumerate(arguments) if isinstance(each, str) and not _is_number(each)]
-    named = named or [0] * (address == "/" and len(arguments) > len("xyz") and isinstance(arguments[0], int))
+    named = [place for place, each in enumerate(arguments) if isinstance(each, str) and number_of(each) is None]
+    # Where no address does, a number names the joint.
+    named = named or [0] * (address == "/" and len(arguments) > len("xyz"))
     if named[:1] != [0]:
         return [Message(address, arguments)]
     given = list[Message]()
     for begin, end in pairwise([*named, len(arguments)]):
-        name, numbers = str(arguments[begin]), arguments[begin + 1 : end]
+        name, numbers = str(arguments[begin]).removesuffix(".0"), arguments[begin + 1 : end]
         who = numbers[:1] if len(numbers) > len("xyz") and isinstance(numbers[0], int) else []
         if len(numbers) >= len("xyz"):
             parts = [address.rstrip("/"), *map(str, who), address_part(name)]
@@ -203,13 +204,6 @@ def _addressed(message: Message) -> list[Message]:
 def _bare(address: str) -> str:
     """Leave out words that stand in front of names, and behind: `/skeleton/ann/Head/position` is `/ann/Head`."""
     return "/" + "/".join(part for part in address.split("/") if part and part.lower() not in _FRONTS)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(number_of(text))
-    except TypeError:
-        return False
 
 
 def _whole(joint: str, known: _Channels) -> list[Message]:

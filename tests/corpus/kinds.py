@@ -440,6 +440,7 @@ def _tables() -> dict[str, Kind]:
         "an axis before 3D": (table(head=lambda name, axis: f"{name}_{axis.upper()}_3D"), {}),
         "an axis around a name": (table(head=lambda name, axis: f"{axis}({name})"), {}),
         "_loc": (table(head="{}_loc_{}".format), {}),
+        "two people, names again, by pandas": (table(names=[f"{who}{name}" for who in ("", ".1") for name in NAMES], head=lambda name, axis: f"{name.removeprefix('.1')}_{axis}{'.1' * (name[0] == '.')}", positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("0", "1")}),
         "two people by a number behind the axis": (table(names=[f"{who}{name}" for who in "12" for name in NAMES], head=lambda name, axis: f"{name[1:]}_{axis}_{name[0]}", positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("1", "2")}),
         "Unity's clock": (table(clock="realtimeSinceStartup"), {}),
         "milliseconds behind a colon": (table(times=[f"10:00:00:{1000 * time:03.0f}" for time in TIMES]), {"near": 3e-3}),

@@ -23,6 +23,7 @@ _ENDING = ".toml"
 #: Names whose spelling is remembered, at most: every convention is tried with each.
 _MAX_REMEMBERED = 1024
 _BETWEEN_WORDS = re.compile(r"[\s_\-.:]+")
+_BEGINS_WORD = re.compile(r"[\s_\-.:]+|(?<=[a-z\d])(?=[A-Z])")
 #: The end of a namespace or a path.
 _NAMESPACE = re.compile(r"\A.*[:|/]")
 #: A side and the rest of a name.
@@ -133,15 +134,15 @@ def _ways(labels: tuple[str, ...]) -> tuple[tuple[list[str], ...], tuple[list[tu
     """
     bare = [_NAMESPACE.sub("", label) or label for label in labels]
     front = _without_front(bare)
-    both = [label[::-1] for label in _without_front([label[::-1] for label in front])]
+    both = [label[::-1] for label in _without_front([label[::-1] for label in front], _BETWEEN_WORDS)]
     plain = tuple([spelling(label) for label in each] for each in (bare, front, both))
     sided = (zip(map(_sided, each), spelled, strict=True) for each, spelled in ((front, plain[1]), (both, plain[2])))
     return plain, tuple(map(list, sided))
 
 
-def _without_front(labels: Sequence[str]) -> list[str]:
-    """Leave out the beginning that all labels share, up to a mark between words."""
-    fronts = [labels[0][: mark.end()] for mark in _BETWEEN_WORDS.finditer(labels[0])] if labels else []
+def _without_front(labels: Sequence[str], mark: re.Pattern[str] = _BEGINS_WORD) -> list[str]:
+    """Leave out the beginning that all labels share, up to a mark between words, or a capital."""
+    fronts = [labels[0][: found.end()] for found in mark.finditer(labels[0])] if labels else []
     front = max((each for each in fronts if all(label.startswith(each) for label in labels)), key=len, default="")
     return [label.removeprefix(front) or label for label in labels]
 

@@ -136,7 +136,7 @@ def instead_of_recording(path: Path) -> str:
         return why
     if path.suffix.lower() in _TABLES:
         return f"a {path.suffix} without joints' positions: columns like time, head_x, head_y, head_z"
-    return path.suffix or "no ending"
+    return WORDS["endings"].get(path.suffix.lower(), path.suffix) or "no ending"
 
 
 def paths_of(given: str | Path | Iterable[str | Path]) -> list[Path]:

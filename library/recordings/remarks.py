@@ -32,6 +32,9 @@ def remarks(clip: Clip) -> Iterator[str]:
             yield in_disorder(len(known), len(joints))
     if is_flat(looks):
         yield FLAT
+    least, most = looks.min(axis=(0, 1)), looks.max(axis=(0, 1))
+    if (least[:2] >= 0).all() and (most[:2] <= 1).all() and most[2] - least[2] < most[1] - least[1] > _SMALLEST:
+        yield "positions: x and y from 0 to 1: places in a picture? Their distances are no body's: world places are"
     across = float(np.median(np.linalg.norm(np.ptp(looks, axis=1), axis=1)))
     if not _SMALLEST <= across <= _LARGEST:
         yield f"size: {across:.3g} m across: no whole body, or another unit"

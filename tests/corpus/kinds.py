@@ -148,6 +148,21 @@ def _motive() -> str:
     return head + _frames(np.hstack([bones, marker]), lambda place: f"{place},{place / RATE:.6f}")
 
 
+def _motive_markers() -> str:
+    """Motive's markers alone: names, numbers and kinds stand thrice."""
+    rows = (
+        ("Type", ["Marker"] * 16),
+        ("Name", [f"Ann:{name}" for name in NAMES]),
+        ("ID", ["7"] * 16),
+        ("", ["Position"] * 16),
+    )
+    head = "".join(",".join(["", title, *(cell for cell in cells for _ in "xyz")]) + "\n" for title, cells in rows)
+    axes = ",".join(["Frame", "Time (Seconds)", *"XYZ" * 16])
+    return f"Format Version,1.23,Length Units,Meters\n\n{head}{axes}\n" + _frames(
+        lambda frame: frame.ravel().tolist(), lambda index: f"{index},{index / RATE:.6f}"
+    )
+
+
 def _rigid() -> str:
     """Motive's rigid bodies: each of their markers stands there as the body's, and as it was measured."""
     names = [f"{who}:Marker {number}" for who in ("Front", "Back") for number in (1, 2)]
@@ -358,6 +373,7 @@ def _tables() -> dict[str, Kind]:
         "9999 9999 0 for some frames": (table(positions=_without("LeftHand", np.array([9999, 9999, 0.0]), slice(20, 24))), {"near": 6e-3}),
         "the last line is cut": (table()[:-60], {"frames": slice(-1), "tells": "cut off"}),
         "Motive": (_motive(), {}),
+        "Motive's markers by number": (_motive_markers(), {}),
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(BODY, str), {"rate": 30.0, "tells": "times: none"}),
@@ -386,13 +402,29 @@ def _tables() -> dict[str, Kind]:
         "Vicon Nexus, all parts": (_vicon_parts() + _vicon(), {}),
         "Vicon Workstation": (_vicon_old(), {}),
         "Qualisys, without columns' names": (_qualisys(columns=False), {"ending": "tsv"}),
+        "Qualisys, names of two words": (_qualisys(columns=False).replace("Left", "Left "), {"ending": "tsv", "names": tuple(name.replace("Left", "Left ") for name in NAMES)}),
         "Qualisys' skeleton": (_skeleton(), {"ending": "tsv"}),
         "names over three columns": (table(head=lambda name, axis: name if axis == "x" else ""), {}),
         "names thrice": (table(head="{0}".format), {}),
         "names thrice, by pandas": (table(head=lambda name, axis: name + {"x": "", "y": ".1", "z": ".2"}[axis]), {}),
         "axes again, by pandas": (table(clock="time", head=lambda name, axis: axis + f".{NAMES.index(name)}" * (name != NAMES[0]), first="," + ",,,".join(NAMES) + ",,\n"), {}),
+        "x before a capital": (table(head=lambda name, axis: axis + name), {}),
+        "an axis before Position": (table(head=lambda name, axis: f"{name}{axis.upper()}Position"), {}),
+        "_xpos": (table(head="{}_{}pos".format), {}),
+        "TX": (table(head=lambda name, axis: f"{name}T{axis.upper()}"), {}),
+        "an axis before 3D": (table(head=lambda name, axis: f"{name}_{axis.upper()}_3D"), {}),
+        "an axis around a name": (table(head=lambda name, axis: f"{axis}({name})"), {}),
+        "_loc": (table(head="{}_loc_{}".format), {}),
+        "two people, names again, by pandas": (table(names=[f"{who}{name}" for who in ("", ".1") for name in NAMES], head=lambda name, axis: f"{name.removeprefix('.1')}_{axis}{'.1' * (name[0] == '.')}", positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("0", "1")}),
+        "two people by a number behind the axis": (table(names=[f"{who}{name}" for who in "12" for name in NAMES], head=lambda name, axis: f"{name[1:]}_{axis}_{name[0]}", positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("1", "2")}),
+        "Unity's clock": (table(clock="realtimeSinceStartup"), {}),
+        "milliseconds behind a colon": (table(times=[f"10:00:00:{1000 * time:03.0f}" for time in TIMES]), {"near": 3e-3}),
+        "a capture rate": ("Capture rate: 60 fps\n" + table(clock=None), {}),
+        "nothing in a spreadsheet's words": (table(positions=late).replace(",,,", ",lost,#VALUE!,"), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "an axis in a word": (table(head="{} {}-axis".format), {}),
         "a row a joint, its parent's axes, too": (_long("{frame},{time:.4f},{joint},0.1,0.2,0.3,{x:.4f},{y:.4f},{z:.4f}").replace("0.1,0.2,0.3,x,y,z", "LocalPosX,LocalPosY,LocalPosZ,WorldPosX,WorldPosY,WorldPosZ"), {}),
+        "a row a joint, the picture's axes, too": (_long("{frame},{time:.4f},{joint},0.1,0.2,0.3,{x:.4f},{y:.4f},{z:.4f}").replace("0.1,0.2,0.3,x,y,z", "x,y,z,world_x,world_y,world_z"), {}),
+        "a row a joint, a vector in a field": (_long("{time:.4f},{joint},({x:.4f}, {y:.4f}, {z:.4f})").replace("(x, y, z)", "position"), {}),
         "a row a joint, by id": (_long("{time:.4f},{id},{x:.4f},{y:.4f},{z:.4f}", names=NAMES), {"names": tuple(map(str, range(16)))}),
         "a row a joint, joint by joint": (_long("{joint},{time:.4f},{x:.4f},{y:.4f},{z:.4f}", by="joint"), {}),
         "a row a joint, two people": (_two_long(), {"people": ("a", "b")}),
@@ -408,12 +440,14 @@ def _tables() -> dict[str, Kind]:
         "OpenSim, three in a field": (_points("{:.4f};{:.4f};{:.4f}", "DataRate=60.000\nDataType=Vec3\nendheader\n").replace(",", "\t").replace(";", ","), {"ending": "sto"}),
         "vectors in fields": (_points('"Vector3({:.4f}, {:.4f}, {:.4f})"'), {}),
         "dicts in fields": (_points("\"{{'x': {:.4f}, 'y': {:.4f}, 'z': {:.4f}}}\""), {}),
+        "tuples in fields, without quotes": (_points("({:.4f}, {:.4f}, {:.4f})"), {}),
         "lists in fields": (_points('"[{:.4f}, {:.4f}, {:.4f}]"'), {}),
         "headings again": (table() + table(times=[f"{time + 0.8:.4f}" for time in TIMES]), {"body": np.concatenate([BODY, BODY])}),
         "axes by number": (table(head=lambda name, axis: f"{name}[{'xyz'.index(axis)}]"), {}),
         "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
         "the world's places behind a picture's": (table(head="{}_{}_world".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
         "local places": (table(head="{}_global_{}".format, more=[(f"{n}_local_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips_local"}),
+        "local places alone": (table(head=lambda name, axis: f"{name}.m_LocalPosition.{axis}"), {"names": tuple(f"{name}.m_Local" for name in NAMES), "tells": "called local"}),
         "X=0.1 Y=0.2 Z=0.3": (_points("X={:.4f} Y={:.4f} Z={:.4f}"), {}),
         "Motive, the root called like the skeleton": (_motive().replace("Ann:Hips", "Ann:Ann"), {"names": ("Hip", *NAMES[1:])}),
         "forces beside": (table(head=lambda n, a: f"{n}.Pos{a.upper()}", more=[(f"FP1.{kind}{a}", 0.5) for kind in ("Cop", "For", "Mom") for a in "XYZ"]), {"tells": "no positions: FP1.Cop"}),
@@ -442,6 +476,7 @@ def _tables() -> dict[str, Kind]:
         "days": (table(clock="datenum", times=[f"{45413.4 + time / 86400:.11f}" for time in TIMES]), {}),
         "seconds since 1970": (table(clock="timestamp", times=[f"{1.7e9 + time:.4f}" for time in TIMES]), {}),
         "rows in another order": ("".join(row for n in range(49) for row in [t[n + (n == 9) - (n == 10)]]) if (t := table().splitlines(keepends=True)) else "", {"tells": "another order"}),
+        "rows that end behind their time": (re.sub(r"(?m)^(0\.(?:2333|2500)),.*", r"\1", table()), {"tells": "2 have fewer", "near": 2e-3}),
         "a row twice": (table().replace(row := table().splitlines(keepends=True)[9], 2 * row), {}),
         "frames a second in a comment": ("# 60 fps\n" + table(clock=None), {}),
         "a word in front": (table(head="joint.{}.{}".format), {}),
@@ -452,8 +487,20 @@ def _tables() -> dict[str, Kind]:
         "a tick of several cameras": (_long("{frame},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("frame", "sync_index"), {"rate": 30.0, "tells": "frame numbers"}),
         "frames of a film": (_in_front("video_frame,", lambda n, _: f"{n + 900},"), {"rate": 30.0, "tells": "frame numbers"}),
         "commas of thousands": (re.sub(r"\b(\d)(\d{3}\.\d+)", r'"\1,\2"', table(positions=1000 * BODY)), {}),
+        "apostrophes of thousands": (re.sub(r"\b(\d)(\d{3}\.\d+)", r"\1'\2", table(positions=1000 * BODY)), {}),
+        "a real minus sign": (table().replace("-", "−"), {}),
+        "formulas": (re.sub(r"([^,\n]+)", r'="\1"', table()), {}),
+        "a rate below its name": ("Frame Rate,Units\n60,mm\n\n" + table(clock=None, positions=1000 * BODY), {}),
+        "names over axes with a number": (",".join(["frame", *(cell for name in NAMES for cell in (name, "", ""))]) + "\n," + ",".join(f"{axis}{n}" for n in range(1, 17) for axis in "XYZ") + "\n" + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "frame numbers"}),
+        "names over the second axis": (",".join(["frame", *(cell for name in NAMES for cell in ("", name, ""))]) + "\n," + ",".join([*"xyz"] * 16) + "\n" + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "frame numbers"}),
+        "names over places and turns with units": (",".join(["time", *(name for name in NAMES for _ in range(6))]) + "\ns," + ",".join(["X (deg)", "Y (deg)", "Z (deg)", "X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: np.hstack([frame * 0 + 7, 1000 * frame]).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
+        "names over axes with a unit": (",".join(["time", *(name for name in NAMES for _ in "xyz")]) + "\ns," + ",".join(["X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: (1000 * frame).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
         "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", table()), {"reads": False, "tells": "a spreadsheet"}),
         "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),
+        "axes behind a number": (table(head=lambda name, axis: f"m{NAMES.index(name):03}{axis}", more=[(f"m{n:03}c", 1) for n in range(16)]), {"names": tuple(f"m{n:03}" for n in range(16))}),
+        "BTS": ("BTS ASCII format\n\nType:\tPoint 3D tracks\nMeasure unit:\tm\n\nTracks:\t16\nFrequency:\t60 Hz\nFrames:\t48\n\nFrame\t" + table(clock="Time", mark="\t", head=lambda name, axis: f"{name}.{axis.upper()}").replace("\n", "\n1\t").removesuffix("1\t"), {"ending": "emt"}),
+        "sensors by number": (_long("{frame},{id},{x:.4f},{y:.4f},{z:.4f},1,2,3").replace("frame,id,x,y,z,1,2,3", "Frame,Sensor,X,Y,Z,Az,El,Ro"), {"names": tuple(map(str, range(16))), "rate": 30.0, "tells": "frame numbers"}),
+        "Axis Neuron": (table(clock=None, mark="\t", head="{}-Joint-Posi-{}".format, more=[(f"{n}-Sensor-Acce-{axis}", 0.5) for n in NAMES for axis in "xyz"]), {"names": tuple(f"{n}-Joint" for n in NAMES), "ending": "txt", "rate": 30.0, "tells": "no positions: Hips-Sensor-Acce"}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     return _kinds("csv", texts, encoding="utf-8") | {
@@ -514,6 +561,7 @@ def _trcs() -> dict[str, Kind]:
         "Windows' NaN": (trc(positions=gone).replace("\t\t\n", "\t-nan(ind)\t-1.#IND\tNaN\n"), {"tells": "never seen", "lacking": ("RightFoot",)}),
         "spaces between all": (trc().replace("\t\t\t", " ").replace("\t", " "), {}),
         "a label for each axis": (trc().replace(heads, "\t".join(f"{name}_{axis}" for name in NAMES for axis in "xyz")), {}),
+        "tabs behind": (trc().replace("\n", "\t\t\t\n"), {}),
         "two tabs more in front": (trc().replace("Time\t", "Time\t\t\t"), {}),
         "a label twice": (trc().replace("RightLeg", "LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
@@ -525,8 +573,10 @@ def _trcs() -> dict[str, Kind]:
         "commas between": (trc().replace("\t", ","), {}),
         "an empty line of commas": (trc().replace("\n1\t", "\n" + "\t" * 50 + "\n1\t", 1).replace("\t", ","), {}),
         "markers that are named and never written": (trc().replace(heads, heads + "\t\t\tV_Mid_Hip\t\t\tV_Head"), {}),
+        "more names than markers are announced": (trc().replace("\t48\t16\t", "\t48\t10\t"), {}),
         "quotes": (trc().replace("Hips", '"Hips"').replace("LeftLeg", '"LeftLeg"'), {}),
         "no numbers of frames": ("".join(row.partition("\t")[2] if n > 2 else row for n, row in enumerate(trc().splitlines(keepends=True))), {}),
+        "nobody at first, tabs trimmed": ("\n".join(line.rstrip("\t") for line in trc(positions=gone_at_first * 1000).split("\n")), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
         "nobody at first": (trc(positions=gone_at_first * 1000), {"tells": "0.00 to 0.57 s", "frames": slice(34, None)}),
         "in a .csv": (trc().replace("\t", ","), {"ending": "csv"}),
     }  # fmt: skip
@@ -592,6 +642,8 @@ def _bvhs() -> dict[str, Kind]:
         "all in MOTION's line": (plain.replace("MOTION\n", "MOTION ").replace("48\n", "48 "), {}),
         "no Frame Time": (plain.replace("Frame Time: 0.0166667\n", ""), {"options": (("frame_rate", RATE),)}),
         "semicolons between": (head + "Frame Time" + motion.replace(" ", ";").replace(":;", ": "), {}),
+        "colons, and names in quotes": (plain.replace("HIERARCHY", "HIERARCHY:").replace("MOTION", "MOTION:").replace("JOINT Head", 'JOINT "Head"'), {}),
+        "a Frame Time of three digits": (plain.replace("Time: 0.0166667", "Time: 0.017"), {}),
         "frames over lines": (head + "Frame Time" + re.sub(r"((?: \S+){7})", r"\1\n", motion.replace(": ", ":")).replace(":", ": "), {}),
         "in a .txt": ("\n" + plain, {"ending": "txt"}),
         "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
@@ -729,6 +781,9 @@ def _c3ds() -> dict[str, Kind]:
         "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),
         "frame numbers beyond 16 bits": (_at(6, struct.pack("<HH", 65_500, 11)), {}),
         "first and last frame exchanged": (_at(6, struct.pack("<HH", 10, 5)) + b"\0" * 512, {"tells": "there are 48"}),
+        "fewer frames in the header": (_at(8, b"\x1e\0"), {"tells": "the header says 30, there are 48"}),
+        "fewer points in the header": (_at(2, b"\x0a\0"), {}),
+        "a scale of whole numbers in the header": (_at(12, struct.pack("<f", 0.1)), {}),
         "no block of frames in the header": (_at(16, b"\0\0"), {}),
         "a name that goes on behind a NUL": (c3d(labels=[name.ljust(14, "\0") for name in NAMES]).replace(b"Head\0\0\0", b"Head\0zz"), {}),
         "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),

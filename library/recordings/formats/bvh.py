@@ -26,7 +26,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, mended, number_of, numbers_in, refuse
 from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS, chosen, short_names
-from kinespace.library.recordings.formats.measures import guessed_metres
+from kinespace.library.recordings.formats.measures import USUAL, guessed_metres
 from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.skeleton import Skeleton
@@ -105,7 +105,7 @@ class _HierarchyReader:
 
     def take(self, statement: Line) -> bool:
         """Take in one statement; return whether the hierarchy ends before it."""
-        word = statement.words[0].lower()
+        word = statement.words[0].lower().rstrip(":")
         if self._named and word != "{":
             statement.fail(f"expected {{ after {self._named!r}, got {statement.words[0]!r}")
         match word:
@@ -131,7 +131,7 @@ class _HierarchyReader:
     def _name(self, word: str, statement: Line) -> None:
         if (word == "root") != (self._open == [-1]):
             statement.fail("expected a ROOT, and all joints within one")
-        name = " ".join(statement.words[1:])
+        name = " ".join(statement.words[1:]).strip("\"'")
         if word.startswith("end"):
             parent = self._open[-1]
             self._ends[parent] = self._ends.get(parent, 0) + 1
@@ -264,12 +264,13 @@ def _rates_in(said: str) -> tuple[re.Match[str] | None, ...]:
 
 
 def _frame_rate(period: str) -> float:
-    """Frames per second: the whole number from which the period was rounded, if there is one (0.0083333 is 120)."""
+    """Frames per second: the usual rate, or the whole number, from which the period was rounded (0.0083333 is 120)."""
     seconds = float(period)
     rate = 1.0 / seconds
     decimals = len(period.lower().partition("e")[0].partition(".")[2])
-    rounded = abs(1.0 / max(round(rate), 1) - seconds) <= 0.5001 * 10.0**-decimals
-    return float(round(rate)) if rounded and round(rate) and "e" not in period.lower() else rate
+    usual, whole = float(USUAL[np.abs(1 / USUAL - seconds).argmin()]), float(round(rate))
+    near = (each for each in (usual, whole) if each and abs(1 / each - seconds) <= 0.5001 * 10.0**-decimals)
+    return rate if "e" in period.lower() or math.isclose(rate, whole) else next(near, rate)
 
 
 def forward_kinematics(motion: BvhMotion) -> NDArray[np.float64]:

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import NoReturn
 
 #: How programs write that there is no number.
-_NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#n/?a|null|none|undefined|missing", re.IGNORECASE)
+_NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#[\w/]+[!?]?|null|none|undefined|missing|lost|false", re.IGNORECASE)
 
 
 #: A number in which a spreadsheet of a country with decimal commas has taken the point for one of thousands.
 _THOUSANDS = re.compile(r"(?<![\d.])-?\d{1,3}(\.\d{3}){2,}(?![\d.])")
 
 
-#: A number with commas between its thousands and a point behind them.
-_GROUPED = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d*")
+#: A number with commas, apostrophes or blanks between its thousands and a point behind them.
+_GROUPED = re.compile(r"[-+]?\d{1,3}([,'’\s]\d{3})+\.\d*")
 
 
 class RecordingError(ValueError):
@@ -57,12 +57,12 @@ def mended(words: Sequence[str]) -> list[str]:
 def number_of(field: str) -> float | None:
     """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
     try:
-        return float(field.strip("'"))
+        return float(field.strip("'=\""))
     except ValueError:
         if _NOTHING.fullmatch(field):
             return math.nan
     try:
-        return float(field.replace(",", "" if _GROUPED.fullmatch(field) else "."))
+        return float(re.sub(r"[,'’\s]", "", field) if _GROUPED.fullmatch(field) else field.replace(",", "."))
     except ValueError:
         return None
 

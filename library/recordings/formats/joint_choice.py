@@ -12,7 +12,7 @@ from kinespace.library.naming import Naming
 MAX_JOINTS = 1000
 #: Words for a position behind a joint's name.
 _PLACE = re.compile(
-    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coord(inate)?s?|location|axis|world|global)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
+    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coord(inate)?s?|loc(ation)?|axis|3d|world|global)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
 )
 #: Names that programs give to markers that have none.
 _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*", re.IGNORECASE)
@@ -87,12 +87,14 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
         rests = [{*each.values()} for each in people.values()]
         twice = not count and sum(map(len, rests)) > len(set().union(*rests))
         found = {person: each for person, each in people.items() if len(each) > 1}
-        named = count and all(people) and all(Naming().read([*each]).convention for each in rests)
+        # Of names that stand there again, the first have no number.
+        again = count < 0 and all(each == rests[0] for each in rests)
+        named = count and (all(people) or again) and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
             if len(found) > 2:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)
-            return found
+            return {person or "0": each for person, each in found.items()} if again else found
     return {"": dict(enumerate(labels))}
 
 

@@ -33,7 +33,7 @@ from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
-from kinespace.library.recordings.formats.measures import SECONDS, are_shuffled, clock_of, laid, timing
+from kinespace.library.recordings.formats.measures import SECONDS, are_shuffled, clock_of, laid, timing, words_of
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
 from kinespace.library.skeleton import Skeleton
@@ -63,12 +63,13 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: A number in a field of several (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), and the
-#: characters of such a field, at most.
+#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), such a
+#: number, and the characters of such a field, at most.
+_BRACKETS = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
-TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot")
+TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot", ".emt")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
 #: What arrays are that are no table.
 _NO_TABLES = {
@@ -221,7 +222,8 @@ class _Table:
         """Take in a row; refuse one of another width than the header's."""
         missing, width = self.needed - len(row), len(self.header.names)
         beyond = sum(map(bool, row[width:])) if len(row) > width else 0
-        if missing > len(row) or 5 * beyond > self.needed + 5:
+        # Where nobody was seen a row may end behind its time.
+        if missing > len(row) > min(self.columns, default=0) or 5 * beyond > self.needed + 5:
             want, why = (width, ": commas in numbers, too?") if beyond else (self.needed, "")
             refuse(path, line, f"expected {want} fields, got {len(row)}{why}")
         if missing > 0:
@@ -271,9 +273,12 @@ class _Table:
     def _of_smpte(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
         """Give the seconds of times whose fractions hold the number of a frame."""
         frames = np.round(moments % 1 * _SMPTE)
-        rate = self.header.rate
+        rate, most = self.header.rate, float(np.nanmax(frames)) + 1
+        if most > max(_OF_SMPTE):
+            # Milliseconds stand behind a colon, too.
+            return moments
         if not rate:
-            most, shows = float(np.nanmax(frames)) + 1, bool((np.diff(frames) < 0).any())
+            shows = bool((np.diff(frames) < 0).any())
             rate = next((each for each in (_OF_SMPTE if shows else _USUAL_SMPTE) if each >= most), most)
             if not shows:
                 self.notes.append(f"times: SMPTE's within one second: {rate:g} frames a second")
@@ -315,7 +320,9 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
             # A row of any length, otherwise.
             if line.count('"') % 2:
                 raise csv.Error("a quotation mark that does not end on its line")
-            yield line
+            # What stands in brackets is one field, without quotation marks, too.
+            has_brackets = "(" in line or "[" in line or "{" in line
+            yield _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line) if has_brackets else line
 
     if mark == " ":
         return (line.replace('"', "").lstrip("# ").split() for line in whole())
@@ -323,12 +330,12 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
 
 
 def _begun(path: Path, most: int | None = None) -> str | None:
-    """Give the mark by which a text is a table of the most joints; None where it is none."""
+    """Give the mark by which a text is a table of the most joints, a blank at last; None where it is none."""
     front = "".join(islice(lines_of(path, most, errors="replace"), _FRONT))
     found = (
         (table.header.rank, mark) for mark in _MARKS if mark in front for table in islice(_tables(path, mark, most), 1)
     )
-    return max(found, key=lambda each: each[0], default=(None, None))[1]
+    return max(found, key=lambda each: (each[1] != " ", each[0]), default=(None, None))[1]
 
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
@@ -366,7 +373,13 @@ def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
         return None
     parts = [_PART.findall(cell) if len(cell) < _MAX_POINT else [] for cell in row]
     points = [place for place, each in enumerate(parts) if len(each) == 3 and None not in map(number_of, each)]
-    points = points if len(points) > 1 else []
+    # Of a table with one joint in a row there is one such field.
+    ways = [points] if len(points) != 1 else [[], points]
+    return next(filter(None, (_with_points(head, row, line, each) for each in ways)), None)
+
+
+def _with_points(head: list[list[str]], row: list[str], line: int, points: Collection[int]) -> _Table | None:
+    """Begin a table whose frames hold three numbers in some fields; None as in `_part`."""
     first = _spread(row, points)
     if not is_numbers(first, named=True):
         return None
@@ -458,6 +471,8 @@ def _read(path: Path) -> _Table:
         table = _turned(path, table)
     if others := table.header.others:
         table.notes.append(f"no positions: {listed(others, 5)}: left out")
+    if all("local" in words_of(joint) for joint in table.header.joints):
+        table.notes.append("positions: called local: of places that count from each joint's parent no body is made")
     if table.short:
         few = f"frames: {table.short} have fewer than {table.needed} fields: the joints in the others are not seen"
         table.notes.append(few)

@@ -70,7 +70,7 @@ Positions = NDArray[np.float64]
 #: Seconds a marker may be out of sight. Over a longer time a straight line would be an invented movement.
 MAX_GAP = 0.5
 #: Rates that senders usually have; a feed that comes almost as often is taken to have such a rate.
-_USUAL = np.array([10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 72.0, 75.0, 90.0, 100.0, 120.0, 144.0, 240.0])
+USUAL = np.array([10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 72.0, 75.0, 90.0, 100.0, 120.0, 144.0, 240.0])
 #: Share by which frames may come more or less often than a usual rate.
 _ABOUT = 0.03
 #: Two times are the same when they differ by less than this share of a frame's time, or by less than these seconds.
@@ -357,7 +357,7 @@ def _pace(times: Times) -> float:
 def _usual_rate(times: Times) -> float:
     """Give how often frames came: the mean of close frames, or the usual rate that lies near."""
     mean = _pace(times)
-    nearest = float(_USUAL[np.abs(_USUAL / mean - 1).argmin()])
+    nearest = float(USUAL[np.abs(USUAL / mean - 1).argmin()])
     return nearest if abs(nearest / mean - 1) <= _ABOUT else round(mean, 3) or mean
 
 

@@ -17,12 +17,17 @@ from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_of, words_of
 
+#: What stands behind an axis: a word for a place, a unit or another word.
+_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:[\W_]+(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz])(?:[\W_]+(?P<unit>[µa-z]{1,11}))?[\W_]*", re.IGNORECASE),
-    re.compile(r"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{2}))(?P<axis>[WXYZ])(?:[\W_]+(?P<unit>[µa-zA-Z]{1,11}))?[\W_]*"),
-    re.compile(r"(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>(?<=[\W_]).+|\d+)", re.IGNORECASE),
+    re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
+    re.compile(rf"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
+    re.compile(
+        r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*[^\W_]|\d+)[\W_]*"
+    ),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
+    re.compile(r"(?P<joint>.*\d)(?P<axis>[xyz])"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")
@@ -49,9 +54,10 @@ _FEW = 2
 _DEEP = 12
 #: What pandas writes behind a name that stands there again, or in place of none.
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
+_NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
 _ROOT = re.compile(r"(.+):\1")
 _RATE = re.compile(
-    r"(export |camera |(stream )?nominal )?"
+    r"((export|camera|capture|recording|video|(stream )?nominal) )?"
     r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
     re.IGNORECASE,
 )
@@ -109,7 +115,8 @@ def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
     """Say whether a row holds a frame: most of it are numbers, the first one too unless a name may stand there."""
     filled = [field for field in row if field.strip()]
     numbers = sum(number_of(field) is not None for field in filled)
-    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"")
+    # Motive numbers its markers, too.
+    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"") and filled[0].strip() != "ID"
     return begins and numbers > 0.7 * len(filled) - 1.2
 
 
@@ -168,12 +175,13 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     for way in _WAYS:
         found, units, measures = dict[str, dict[str, int]](), set[str](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' ").replace("°", "deg"))):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' =\"").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
-                joint = f"{named['joint']}_{unit}" if unit and metres_of(unit) is None else named["joint"]
+                is_name = unit.isdigit() or metres_of(unit or "m") is None
+                joint = f"{named['joint']}_{unit}" if is_name else named["joint"]
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
-                units.add(unit)
+                units.add("" if is_name else unit)
                 measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
@@ -214,6 +222,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     axes = [
         (axis[1].lower(), axis[2], place) for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))
     ]
+    axes = [each for each in axes if _WORLD & {*words_of(row[each[2]])}] or axes
     units = {unit.lower() for _, unit, _ in axes if unit}
     threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
     # Where joints stand beside each other a cell in front of each names it, in this row or in the next.
@@ -233,12 +242,16 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
 
 def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     """Read a header whose row of axes is below a row of names."""
-    size = len(rows[place])
-    axes = [_AGAIN.sub("", name.strip().lower().removeprefix("t")) for name in rows[place]]
+    size, numbered = len(rows[place]), sum(bool(_NUMBERED.search(name.strip())) for name in rows[place])
+    # Markers may be counted behind their axes, where names stand above: `X1`.
+    again = _NUMBERED if place and 3 < numbered <= 3 * sum(map(bool, rows[place - 1])) else _AGAIN
+    found = [_AXIS.fullmatch(again.sub("", name.strip())) for name in rows[place]]
+    found = [axis if axis and (axis[2] or "").lower() not in _NO_LENGTHS else None for axis in found]
+    axes = [axis[1].lower() if axis else name.strip().lower() for axis, name in zip(found, rows[place], strict=True)]
     if min(map(axes.count, "xyz")) < 2:
         return None
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
-    above = [_filled(row, size) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
+    above = [_filled(row, size, axes) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
     below = below if rows[:place] else []
     kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
     said = {cell.lower() for row in above for cell in row}
@@ -273,13 +286,15 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     whole = {joint: _three(each) for joint, each in joints.items() if joint and len(each) == 3}
     others = [joint for joint in whole if _NO_PLACES & {*words_of(joint)[-1:]}]
     whole = {joint: each for joint, each in whole.items() if joint not in others}
-    units = {row[column] for row in below for column in ours} - {""}
+    units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    return _header(rows[:place], names, whole, others, units) if len(whole) > 1 else None
+    return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
 
 
-def _filled(row: Sequence[str], size: int) -> list[str]:
-    """Give each empty cell the text on its left: a name stands over the first of its columns alone."""
+def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str]:
+    """Give each empty cell the text on its left: a name stands over the first of its columns, or the second, alone."""
+    if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis in {*"xyz"}} == {"y"}:
+        row = row[1:]
     cells = [*(name.strip() for name in row), *[""] * size][:size]
 
     def nearest(left: str, here: str) -> str:
@@ -321,8 +336,9 @@ def _header(
 
 
 def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
-    """Give each cell with the cell behind it, and what stands around a colon or an equals sign."""
-    for row in rows:
+    """Give each cell with the cells behind and below it, and what stands around a colon or an equals sign."""
+    for row, below in zip(rows, [*rows[1:], []], strict=False):
+        yield from zip(map(str.strip, row), below, strict=False)
         yield from ((name.strip(), value) for name, value in pairwise(row))
         for cell in row:
             name, mark, value = re.sub("[:=]", ":", cell.strip("#/% "), count=1).partition(":")

@@ -49,4 +49,5 @@ def lines_of(path: Path, most: int | None = None, *, encoding: str = "", errors:
             left -= len(line)
             if left < 0 or len(line) > MAX_LINE:
                 raise ValueError(f"{path}: expected a shorter {'line' if left >= 0 else 'text'}, got more characters")
-            yield line
+            # .NET writes a real minus in some countries.
+            yield line.replace("\N{MINUS SIGN}", "-")

@@ -92,7 +92,7 @@ def test_the_built_in_motions_have_no_oddity() -> None:
 
 
 def test_each_fault_has_its_remark() -> None:
-    """Angles, a flat body, other names, another unit and a slow recording are said, and nothing else."""
+    """Angles, a flat body, other names, another unit, a picture and a slow recording are said, and nothing else."""
     clip, draw = MOTIONS[0], np.random.default_rng(1)
     joints = clip.skeleton.joints
     names = replace(clip.skeleton, joints=tuple(f"bone_{place}" for place in range(len(joints))))
@@ -101,6 +101,7 @@ def test_each_fault_has_its_remark() -> None:
         "flat": clip.moved_to(clip.positions * (1.0, 1.0, 0.0)),
         "names not known": replace(clip, skeleton=names),
         "size": clip.moved_to(clip.positions / 100),
+        "positions": clip.moved_to((clip.positions - clip.positions.min(axis=(0, 1))) * (0.5, 0.5, 0.4)),
         "frame rate": resampled(clip, 8.0),
     }
     assert {kind: _kinds(fault) for kind, fault in faults.items()} == {kind: [kind] for kind in faults}

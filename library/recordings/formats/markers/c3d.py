@@ -14,6 +14,7 @@ import io
 import math
 import warnings
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -86,13 +87,44 @@ def _announced(said: Any) -> int:  # noqa: ANN401
     return (int(last) - int(first) + 1) % _WRAP if last else 0
 
 
+def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # noqa: ANN401
+    """Give points and other numbers of a frame, and the scale.
+
+    Where header and parameters differ those count by which `held` bytes are as many frames as announced.
+    """
+    header, used, factor = said.header, said.get("POINT:USED"), said.get("POINT:SCALE")
+    points = header.point_count, int(used.uint16_value) if used else 0
+    scales = header.scale_factor, float(factor.float_value) if factor else math.nan
+
+    def apart(kind: tuple[int, float]) -> float:
+        size = (4 if kind[1] < 0 else 2) * (4 * kind[0] + header.analog_count)
+        return abs(held / size - announced) if size and math.isfinite(kind[1]) else math.inf
+
+    count, scale = min(product(points, scales), key=apart) if announced else (points[0], scales[0])
+    return count, header.analog_count, scale
+
+
+def _counted(said: Any, numbers: NDArray[np.float64], announced: int) -> int:  # noqa: ANN401
+    """Count the frames: as the header says, unless the bytes, or POINT:FRAMES and the bytes, tell of others."""
+    least, parameter = announced if announced <= len(numbers) else 0, said.get("POINT:FRAMES")
+    unsaid, count = not least or announced == _WRAP - 1, int(parameter.uint16_value) if parameter else 0
+    if unsaid or len(numbers) >= announced + _WRAP:
+        # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
+        frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
+        while frames > least and not numbers[frames - 1].any():
+            frames -= 1  # the rest of the last block
+        return frames
+    to_the_end = count <= len(numbers) and numbers[count:].nbytes < _BLOCK
+    return count if count > announced and to_the_end else announced
+
+
 def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:  # noqa: ANN401
     """Read the points, (frames, points, 3) in the file's unit, NaN where one is out of sight, and remarks."""
-    points, analog, scale = said.header.point_count, said.header.analog_count, said.header.scale_factor
     begin = said.header.parameter_block
     # Where the header does not say it, frames follow the parameters, whose third byte counts their blocks.
     block = said.header.data_block or begin + content[(begin - 1) * _BLOCK + 2]
     announced, width, place = _announced(said), 4, 0
+    points, analog, scale = _layout(said, len(content) - (block - 1) * _BLOCK, announced)
     held = (said.get(f"ROTATION:{name}") for name in ("USED", "DATA_START"))
     turns, matrices = (int(each.uint16_value) if each else 0 for each in held)
     if turns and matrices > block and points:
@@ -107,13 +139,7 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
         raise ValueError(f"expected a C3D, got an impossible header ({points} points, {announced} frames)")
     each = width * points + analog
     numbers, notes = _numbers(said, content, block, scale, each), list[str]()
-    frames, least = announced, announced if announced <= len(numbers) else 0
-    unsaid = not least or announced == _WRAP - 1
-    if unsaid or len(numbers) >= announced + _WRAP:
-        # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
-        frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
-        while frames > least and not numbers[frames - 1].any():
-            frames -= 1  # the rest of the last block
+    frames = _counted(said, numbers, announced)
     if not frames:
         raise ValueError("expected frames, got a file that ends before its first one")
     if frames != announced:

@@ -57,7 +57,8 @@ def _labels(path: Path, number: int, line: str, announced: int, lead: int) -> li
     cells = [label.strip() for label in line.split("\t")[lead:]]
     if any(cells[::3]) and not any((*cells[1::3], *cells[2::3])) and len(cells[::3]) >= announced > 1:
         # A marker without a name keeps its columns.
-        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3][:announced], 1)]
+        count = max(announced, *(number for number, cell in enumerate(cells[::3], 1) if cell))
+        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3][:count], 1)]
     tabbed = [label for label in cells if label]
     spaced = line.split()[lead:]
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
@@ -98,14 +99,15 @@ def _frames(
             if len(fields) - columns in (-1, 2) and "time" not in named[1].lower().split()[1:2]:
                 # Frames with a number, or a time, alone; else a field is cut off.
                 labels, lead = _labels(path, *named, 1), 1
-            # Markers behind those that have names.
+            # Names behind those that are announced, without columns; and markers behind those that have names.
+            labels = labels[: max((len(fields) - lead) // 3, named[2] or len(labels))]
             labels += [f"marker {number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]
             columns = lead + 3 * len(labels)
         row = [each for each in fields if each is not None]
         if frames and len(row) < columns and not line.endswith(("\n", "\r")):
             notes.append(f"frames: the last line, {number}, is cut off and left out")
             break
-        if len(row) < len(fields) or not 3 + lead <= len(row) <= columns:
+        if len(row) < len(fields) or not lead <= len(row) <= columns:
             why = spoilt(line) or f"expected {columns} numbers, got {len(row)} in {line.strip()[:40]!r}"
             refuse(path, number, why)
         values.extend(row + [math.nan] * (columns - len(row)))

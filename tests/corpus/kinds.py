@@ -159,7 +159,7 @@ def _motive_markers() -> str:
     head = "".join(",".join(["", title, *(cell for cell in cells for _ in "xyz")]) + "\n" for title, cells in rows)
     axes = ",".join(["Frame", "Time (Seconds)", *"XYZ" * 16])
     return f"Format Version,1.23,Length Units,Meters\n\n{head}{axes}\n" + _frames(
-        lambda frame: frame.ravel().tolist(), lambda index: f"{index},{index / RATE:.6f}"
+        BODY, lambda place: f"{place},{place / RATE:.6f}"
     )
 
 
@@ -491,10 +491,10 @@ def _tables() -> dict[str, Kind]:
         "a real minus sign": (table().replace("-", "−"), {}),
         "formulas": (re.sub(r"([^,\n]+)", r'="\1"', table()), {}),
         "a rate below its name": ("Frame Rate,Units\n60,mm\n\n" + table(clock=None, positions=1000 * BODY), {}),
-        "names over axes with a number": (",".join(["frame", *(cell for name in NAMES for cell in (name, "", ""))]) + "\n," + ",".join(f"{axis}{n}" for n in range(1, 17) for axis in "XYZ") + "\n" + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "frame numbers"}),
-        "names over the second axis": (",".join(["frame", *(cell for name in NAMES for cell in ("", name, ""))]) + "\n," + ",".join([*"xyz"] * 16) + "\n" + _frames(lambda frame: frame.ravel().tolist(), str), {"rate": 30.0, "tells": "frame numbers"}),
-        "names over places and turns with units": (",".join(["time", *(name for name in NAMES for _ in range(6))]) + "\ns," + ",".join(["X (deg)", "Y (deg)", "Z (deg)", "X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: np.hstack([frame * 0 + 7, 1000 * frame]).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
-        "names over axes with a unit": (",".join(["time", *(name for name in NAMES for _ in "xyz")]) + "\ns," + ",".join(["X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(lambda frame: (1000 * frame).ravel().tolist(), lambda place: f"{place / RATE:.6f}"), {}),
+        "names over axes with a number": (",".join(["frame", *(cell for name in NAMES for cell in (name, "", ""))]) + "\n," + ",".join(f"{axis}{n}" for n in range(1, 17) for axis in "XYZ") + "\n" + _frames(BODY, str), {"rate": 30.0, "tells": "frame numbers"}),
+        "names over the second axis": (",".join(["frame", *(cell for name in NAMES for cell in ("", name, ""))]) + "\n," + ",".join([*"xyz"] * 16) + "\n" + _frames(BODY, str), {"rate": 30.0, "tells": "frame numbers"}),
+        "names over places and turns with units": (",".join(["time", *(name for name in NAMES for _ in range(6))]) + "\ns," + ",".join(["X (deg)", "Y (deg)", "Z (deg)", "X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(np.concatenate([BODY * 0 + 7, 1000 * BODY], axis=2), lambda place: f"{place / RATE:.6f}"), {}),
+        "names over axes with a unit": (",".join(["time", *(name for name in NAMES for _ in "xyz")]) + "\ns," + ",".join(["X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(1000 * BODY, lambda place: f"{place / RATE:.6f}"), {}),
         "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", table()), {"reads": False, "tells": "a spreadsheet"}),
         "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),
         "axes behind a number": (table(head=lambda name, axis: f"m{NAMES.index(name):03}{axis}", more=[(f"m{n:03}c", 1) for n in range(16)]), {"names": tuple(f"m{n:03}" for n in range(16))}),

@@ -308,7 +308,8 @@ def moves_at_will(page: Page, performer: Performer) -> None:
 def teaches_the_past(page: Page, performer: Performer) -> None:
     """Drag over the last kick on the timeline, and name it; over another kick if a busy machine lost frames of it."""
     taught = "kinespace.control.taught['my kick'] === 1"
-    for _ in range(3):
+    for _ in range(6):
+        until(page, "document.querySelector('#said').textContent === ''")
         drags_over_the_last_kick(page)
         page.keyboard.type("my kick")
         page.keyboard.press("Enter")

@@ -25,7 +25,7 @@ from kinespace.stream.outputs.midi_sink import MidiSink
 from kinespace.stream.teaching.examples import Example, Roster
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-from kinespace.tools.teaching import lessons
+from kinespace.tools.teaching import roster_file
 
 #: A work: it prepares a folder, then does its work among faults, then, without them, says what is wrong.
 Work = Callable[[Path], Iterator[str]]
@@ -52,7 +52,7 @@ def teaching(folder: Path) -> Iterator[str]:
     _two().save(path)
     yield ""
     with suppress(OSError):
-        file = lessons.RosterFile(path)
+        file = roster_file.RosterFile(path)
         roster = Roster.of_library(_two()).with_example(Example(3, "kick", _SHORT, 0.0, _SHORT.duration))
         for newest in (roster, roster.renamed("kick", "jump")):
             file.save(newest)
@@ -182,7 +182,7 @@ def _tried(work: Work, first: int, last: int) -> tuple[int, list[str]]:
 
 def _main() -> None:
     """Do every work with each of its calls failing."""
-    lessons._AGAIN, lessons._TOGETHER, lessons._QUIET = 0.05, 0.0, 0.02  # noqa: SLF001
+    roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.05, 0.0, 0.005, 0.02  # noqa: SLF001
     found = {}
     for work in (teaching, building, labelling, recording, keys, cache, midi):
         # First without a fault: so many calls there are. Threads may make a few more.

@@ -1,0 +1,184 @@
+"""The file of taught motions: a thread of its own writes the newest roster, tries again, and keeps what it replaces."""
+
+import math
+import queue
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from kinespace.library import Clip, MotionLibrary, library_file
+from kinespace.stream.teaching import State, Step
+from kinespace.stream.teaching.examples import Roster
+
+#: Seconds between two attempts to save, and between the ends of two saves.
+_AGAIN, _TOGETHER = 1.0, 0.2
+#: Seconds without a change after which the file is packed.
+_QUIET = 3.0
+#: Seconds after which a file that a killed program left half written is deleted.
+_ABANDONED = 60.0
+
+
+class RosterFile:
+    """Reads the taught library, and saves rosters in its place; one program at a time has it.
+
+    A change is written at once, and loosely, because packing all examples takes a second. The file is packed when
+    nothing has changed for some seconds, when somebody asks for it, and at the end.
+
+    Parameters
+    ----------
+    path
+        The file; it may be missing. A symbolic link stays one.
+
+    Attributes
+    ----------
+    library
+        The library in the file when it was opened; None where there was no file.
+
+    Raises
+    ------
+    ValueError
+        The file is no library, or another program teaches there.
+    OSError
+        The file cannot be read, or its folder is missing or cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if not path.absolute().parent.is_dir():
+            raise FileNotFoundError(f"{path}: no such folder")
+        self._path = path.absolute()
+        self._lock = ExitStack()
+        self._lock.enter_context(library_file.locked(path, for_long=True))
+        try:
+            _tidy(path.resolve())
+            self.library = MotionLibrary.load(path) if path.exists() else None
+        except BaseException:
+            self._lock.close()
+            raise
+        #: The examples that the file had, that are in it now, and the newest, with the moment since which they are.
+        self._before = Roster.of_library(self.library) if self.library else Roster()
+        self._in_file = self._newest = self._before
+        self._since, self._is_packed = -math.inf, True
+        #: Examples in the copy of the file before examples were lost.
+        self._copied = 0
+        self._asked = self._failed = self._ending = False
+        #: Woken by every change.
+        self._wake = threading.Condition()
+        self._said: queue.SimpleQueue[State] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="kinespace file", daemon=True)
+        self._thread.start()
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether there are changes that would be lost."""
+        return self._newest is not self._in_file
+
+    def save(self, roster: Roster, *, asked: bool = False) -> None:
+        """Save a roster soon; the newest one counts. Whether somebody asked for it, and waits until it is written."""
+        with self._wake:
+            self._newest, self._since, self._asked = roster, time.monotonic(), self._asked or asked
+            self._wake.notify_all()
+
+    def states(self) -> Iterator[State]:
+        """Give what is to be said since the last call."""
+        while not self._said.empty():
+            yield self._said.get()
+
+    def close(self) -> None:
+        """Save the last changes, and let other programs have the file."""
+        with self._wake:
+            self._ending = True
+            self._wake.notify_all()
+        self._thread.join()
+        self._lock.close()
+
+    def _wait(self, until: Callable[[], bool], longest: float | None = None) -> None:
+        with self._wake:
+            self._wake.wait_for(lambda: self._ending or until(), longest)
+
+    def _work(self) -> None:
+        while not self._ending:
+            quiet = None if self._is_packed else max(self._since + _QUIET - time.monotonic(), 0.0)
+            self._wait(lambda: self.has_unsaved or self._asked, quiet)
+            if self.has_unsaved or self._asked or not self._is_packed:
+                self._write()
+                self._wait(lambda: False, _AGAIN if self._failed else _TOGETHER)
+        if self.has_unsaved or not self._is_packed:
+            self._write()
+
+    def _write(self) -> None:
+        """Write the newest roster; a failure is said once, and tried again later."""
+        with self._wake:
+            roster, asked, self._asked = self._newest, self._asked, False
+        packs = asked or self._ending or roster is self._in_file
+        try:
+            real = self._path.resolve()
+            self._keep_copy(real, roster)
+            if library := self._library(roster):
+                library_file.write(real, library.contents, compressed=packs)
+            else:
+                real.unlink(missing_ok=True)
+        except (OSError, ValueError) as error:
+            why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            if asked or not self._failed:
+                name = self._path.name
+                self._say(Step.REFUSED, f"{name} was not saved: {why}; the taught motions are still in memory")
+            self._failed = True
+            return
+        self._in_file, self._is_packed = roster, packs
+        asked, self._failed = asked or self._failed, False
+        if asked:
+            saved = f"{self._path.name} saved, examples: {len(roster.examples)}"
+            self._say(Step.DONE, saved if roster.examples else "nothing to save")
+
+    def _keep_copy(self, file: Path, roster: Roster) -> None:
+        """Keep a copy of a file that has more examples than will be there; a copy that has more yet is kept."""
+        held = len(self._in_file.examples)
+        if len(roster.examples) < held and held >= self._copied and file.exists():
+            shutil.copy2(file, file.with_name(f"{file.stem}.before{file.suffix}"))
+            self._copied = held
+
+    def _library(self, roster: Roster) -> MotionLibrary | None:
+        """Make a library of a roster; what was in the file and is not touched stays as it was."""
+        before = self.library
+        if before is None or not roster.examples:
+            return roster.library()
+        known = {each.number: each.recording for each in self._before.examples}
+        motions: list[Clip] = []
+        for each in roster.examples:
+            own = known.get(each.number)
+            if own is None or each.begin > 0.0 or each.end < own.duration:
+                motions.append(_completed(each.motion, before))
+            else:
+                motions.append(own if own.class_name == each.class_name else replace(own, class_name=each.class_name))
+        if {id(each) for each in motions} == {id(each) for each in before.motions}:
+            return before
+        library = MotionLibrary.of_clips(motions)
+        return replace(library, learned=library_file.for_other_motions(before.learned))
+
+    def _say(self, step: Step, reason: str) -> None:
+        self._said.put(State("", step, 0.0, reason))
+
+
+def _completed(clip: Clip, library: MotionLibrary) -> Clip:
+    """Give a motion all joints of a library: a joint that was not recorded stands where the nearest one is."""
+    joints = library.skeleton.joints
+    if set(joints) <= set(clip.skeleton.joints):
+        return clip.restricted_to(joints).as_of(library.skeleton)
+    body = np.mean([motion.positions.mean(axis=0) for motion in library.motions], axis=0)
+    there = [place for place, name in enumerate(joints) if name in clip.skeleton.joints]
+    distances = np.linalg.norm(body[:, None] - body[there], axis=2)
+    places = [clip.skeleton.joints.index(joints[there[nearest]]) for nearest in distances.argmin(axis=1).tolist()]
+    return replace(clip, skeleton=library.skeleton, positions=clip.positions[:, places])
+
+
+def _tidy(path: Path) -> None:
+    """Delete what a program that was killed left of a save."""
+    for part in path.parent.glob(f".{path.name}.*.part"):
+        if time.time() - part.stat().st_mtime > _ABANDONED:
+            part.unlink(missing_ok=True)

@@ -189,7 +189,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         raise
 
 
-# --- other programs -----------------------------------------------------------------------------------------------
+# --- other programs, and what is new ------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -208,8 +208,7 @@ def locked(path: Path, *, for_long: bool = False) -> Iterator[None]:
     except ImportError:
         yield
         return
-    real = path.resolve()
-    lock = real.with_name(f".{real.name}.lock")
+    lock = beside(path, "lock")
     # Anybody may have put anything there: nothing is followed, waited for or changed.
     flags = os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC | (os.O_CREAT if for_long else 0)
     if not (for_long or lock.exists()):
@@ -228,11 +227,30 @@ def locked(path: Path, *, for_long: bool = False) -> Iterator[None]:
         os.close(file)
 
 
+def beside(path: Path, what: str) -> Path:
+    """Give the hidden file beside a library's, also where a link leads there: its lock, or what is `new`."""
+    real = path.resolve()
+    return real.with_name(f".{real.name}.{what}")
+
+
+def _with_new(path: Path, contents: Contents) -> Contents:
+    """Add the motions that a program which was killed, or teaches now, has not yet put into the file itself."""
+    new = beside(path, "new")
+    if not new.exists():
+        return contents
+    (skeleton, motions, learned), (other_skeleton, added, _) = contents, _read(new)
+    known = {(each.class_name, each.take, each.name, each.frames) for each in motions}
+    further = [each for each in added if (each.class_name, each.take, each.name, each.frames) not in known]
+    if other_skeleton != skeleton or not further:
+        return contents
+    return skeleton, (*motions, *further), for_other_motions(learned)
+
+
 # --- reading -----------------------------------------------------------------------------------------------------
 
 
 def read(path: Path) -> Contents:
-    """Read a library's file; no array is unpacked before its size is known to be the expected one.
+    """Read a library's file, and what is new; no array is unpacked before its size is known to be the expected one.
 
     Returns
     -------
@@ -245,6 +263,10 @@ def read(path: Path) -> Contents:
     OSError
         The file cannot be opened.
     """
+    return _with_new(path, _read(path))
+
+
+def _read(path: Path) -> Contents:
     try:
         with memory.archive(path) as archive:
             return _restored(archive, _read_header(path, archive))

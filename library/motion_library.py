@@ -144,6 +144,7 @@ class MotionLibrary:
         """
         with library_file.locked(Path(path)):
             library_file.write(Path(path), self.contents, compressed=compressed)
+            library_file.beside(Path(path), "new").unlink(missing_ok=True)
 
     @property
     def contents(self) -> library_file.Contents:

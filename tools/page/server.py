@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from http import HTTPStatus
 from importlib import resources
 from pathlib import Path
@@ -33,7 +34,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from kinespace.library import MotionLibrary
+from kinespace.library import MotionLibrary, library_file
 from kinespace.stream.feeds.unpackers import Place, axes_of
 from kinespace.stream.packet import is_within
 from kinespace.stream.teaching.commands import State, Step, as_json
@@ -204,12 +205,27 @@ _PICTURES, _MAX_SECONDS, _MAX_CLASSES = 12, 4, 200
 def motions_at(path: Path) -> Mapping[str, object]:
     """Give a motion of each class of a library's file, for small bodies: names, parents, frames (whole centimetres).
 
-    There is none where no library can be read.
+    There is none where no library can be read. The file is read again when it changes.
     """
+    # A new example lies in a file of its own until it is quiet.
+    return _motions_since(path, _written(path), _written(library_file.beside(path, "new")))
+
+
+# Of the two libraries that a page may have.
+@lru_cache(maxsize=2)
+def _motions_since(path: Path, *_: float) -> Mapping[str, object]:
     # Nothing was taught yet, or nobody wants a library.
     with suppress(OSError, ValueError):
         return _motions_of(library_at(path))
     return {}
+
+
+def _written(path: Path) -> float:
+    """Say when a file was written last; 0 where there is none."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _motions_of(library: MotionLibrary) -> Mapping[str, object]:

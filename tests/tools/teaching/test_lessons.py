@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import shutil
 import sys
 import threading
 import time
@@ -29,7 +30,8 @@ from kinespace.stream.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.console import require_place_for
 from kinespace.tools.teaching.keys import HINT, Keys
-from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterFile, RosterOpener, open_lessons
+from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons
+from kinespace.tools.teaching.roster_file import RosterFile
 
 #: Endings of the names of joints that a body of 20 joints lacks.
 FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperneck", "thorax")
@@ -373,10 +375,10 @@ def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, mon
     file, write = RosterFile(tmp_path / "mine.npz"), library_file.write
     saved, poured_in = list[str](), threading.Event()
 
-    def slowly(path: Path, contents: library_file.Contents, *, compressed: bool) -> None:
+    def slowly(path: Path, contents: library_file.Contents) -> None:
         saved.append(contents[1][0].class_name)
         assert poured_in.wait(PATIENCE)
-        write(path, contents, compressed=compressed)
+        write(path, contents)
 
     monkeypatch.setattr(library_file, "write", slowly)
     for count in range(1, 1001):
@@ -392,23 +394,21 @@ def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, mon
 def test_what_cannot_be_deleted_is_said_and_tried_again(
     tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The thread that writes goes on when the file of no examples cannot be deleted, and it is deleted later."""
-    path = tmp_path / "mine.npz"
-    _saved(path, _roster(motion, "first"))
-    file, unlink, refused = RosterFile(path), Path.unlink, list[Path]()
+    """The thread that writes goes on when the file of new examples cannot be deleted, and all is written later."""
+    file, unlink, refused = RosterFile(tmp_path / "mine.npz"), Path.unlink, list[Path]()
 
     def unwilling(path: Path, missing_ok: bool = False) -> None:  # noqa: FBT001, FBT002 - as Path's own
-        if path.name == "mine.npz" and not refused:
+        if path.name.endswith(".new") and not refused:
             refused.append(path)
             raise PermissionError(errno.EACCES, "Permission denied")
         unlink(path, missing_ok=missing_ok)
 
     monkeypatch.setattr(Path, "unlink", unwilling)
-    file.save(Roster(), asked=True)
+    file.save(_roster(motion, "first"), asked=True)
     file.close()
     assert refused
     assert [state.step for state in file.states()] == [Step.REFUSED, Step.DONE]
-    assert not path.exists()
+    assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("first",)
     assert not file.has_unsaved
 
 
@@ -463,23 +463,41 @@ def test_other_programs_that_write_a_library_ask_the_lock(tmp_path: Path, motion
     assert MotionLibrary.load(path).classes == ("built",)
 
 
-def test_a_new_example_is_in_the_file_at_once(tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody waits until it is quiet for what a program that is killed would lose; then the file is packed."""
-    path = tmp_path / "mine.npz"
+def test_new_examples_survive_before_the_file_is_written(
+    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They lie beside the file, readers find them, and they come into it when it is quiet, or with another change."""
+    path, new = tmp_path / "mine.npz", tmp_path / ".mine.npz.new"
     _saved(path, _roster(motion, "bow", "wave"))
-    packed = path.stat().st_size
-    with closing(RosterFile(path)) as file:
-        assert file.library is not None
-        roster = Roster.of_library(file.library).with_example(Example(3, "kick", motion, 0.0, 0.5))
+    file = RosterFile(path)
+    roster, content = Roster.of_library(file.library), path.read_bytes()
+    for number in range(3, 8):
+        roster = roster.with_example(Example(number, f"kick {number}", motion, 0.0, 0.5))
         file.save(roster)
-        until(lambda: not file.has_unsaved)
-        assert len(MotionLibrary.load(path)) == 3
-        assert path.stat().st_size > 2 * packed
-        monkeypatch.setattr("kinespace.tools.teaching.lessons._QUIET", 0.0)
-        file.save(roster.renamed("bow", "dip"))
-        until(lambda: path.stat().st_size < 2 * packed)
-        assert MotionLibrary.load(path).classes == ("dip", "kick", "wave")
-    assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.lock", "mine.npz"]
+    until(lambda: not file.has_unsaved)
+    assert path.read_bytes() == content
+    assert len(MotionLibrary.load(path)) == 7
+    # As a program is killed: the next one finds all, and puts them into the file.
+    copied = tmp_path / "elsewhere"
+    copied.mkdir()
+    for each in (path, new):
+        shutil.copy(each, copied / each.name)
+    with closing(RosterFile(copied / "mine.npz")) as again:
+        assert sorted(each.take for each in again.library.motions) == [f"{number:04d}" for number in range(1, 8)]
+        assert not (copied / ".mine.npz.new").exists()
+        assert len(MotionLibrary.load(copied / "mine.npz")) == 7
+    file.save(roster.renamed("bow", "dip"))
+    until(lambda: not file.has_unsaved)
+    assert not new.exists()
+    assert "dip" in MotionLibrary.load(path).classes
+    monkeypatch.setattr("kinespace.tools.teaching.roster_file._QUIET", 0.0)
+    file.save(roster.renamed("bow", "dip").with_example(Example(8, "bow", motion, 0.0, 0.5)))
+    until(lambda: path.read_bytes() != content and not new.exists())
+    file.close()
+    assert len(MotionLibrary.load(path)) == 8
+    # What is in both counts once: a program was killed in between.
+    shutil.copy(path, new)
+    assert len(MotionLibrary.load(path)) == 8
 
 
 def test_a_file_that_loses_examples_is_kept(tmp_path: Path, motion: Clip) -> None:

@@ -106,6 +106,13 @@ class _Header(msgspec.Struct):
     guests: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
+class _Kind(msgspec.Struct):
+    """The part of a header that says whether the rest can be read; what else it holds is passed over unread."""
+
+    format: str | None = None
+    version: int | float | str | None = None
+
+
 def rounded(positions: NDArray[np.floating]) -> NDArray[np.float32]:
     """Round positions of any shape, metres, to the whole millimetres of a file, which single numbers hold."""
     return (np.rint(positions * np.float64(_MILLIMETRES)) / _MILLIMETRES).astype(np.float32)
@@ -316,16 +323,15 @@ def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
     if "header.npy" not in archive.namelist() and "joints.npy" in archive.namelist():
         raise LibraryFileError(f"{path}: a recording, no motion library: kinespace build {path} -o FILE makes one")
     text = bytes(_numbers(archive, "header", [np.uint8]))
-    found = msgspec.json.decode(text, type=dict[str, Any])
-    # What is of another kind, or version, is called so before anything else in it is looked at.
-    if found.get("format") != FORMAT:
+    kind = msgspec.json.decode(text, type=_Kind)
+    if kind.format != FORMAT:
         raise LibraryFileError(f"{path}: not a motion library")
-    if (version := found.get("version")) != VERSION:
+    if kind.version != VERSION:
         raise LibraryFileError(
-            f"{path}: format version {str(version)[:20]}, this kinespace reads {VERSION}; build the library again "
+            f"{path}: format version {str(kind.version)[:20]}, this kinespace reads {VERSION}; build the library again "
             f"from its recordings: kinespace build FOLDER -o {path}"
         )
-    return msgspec.convert(found, _Header)
+    return msgspec.json.decode(text, type=_Header)
 
 
 def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:

@@ -2,8 +2,7 @@
 
 osc       as it is
 channels  OSC with one number to a message, as TouchDesigner's OSC Out CHOP sends it: `/p1/wrist_l:tx f`; three of them
-          become `/p1/wrist_l x y z`, whichever of their spellings they have; numbers that did not change may lack;
-          `/p1/joint/wrist_l x y z` and `/p1/joint wrist_l x y z`, too
+          become `/p1/wrist_l x y z`, whichever of their spellings they have; numbers that did not change may lack
 rokoko    Rokoko Studio's JSON, version 3: `/rokoko/<actor>/<joint> x y z`
 zigsim    ZIG SIM's JSON: `/zigsim/<device>/<joint> x y z`; its OSC as it is
 xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
@@ -12,14 +11,11 @@ xsens     Xsens MVN's MXTP02: `/xsens/<character>/<segment> x y z time`
 import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Any
 
 import msgspec
 
-from kinespace.library.recordings.formats.errors import number_of
-from kinespace.library.recordings.formats.measures import WORDS
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH
 from kinespace.stream.osc.messages import address_part
@@ -27,8 +23,6 @@ from kinespace.stream.osc.packet import MAX_MESSAGES, Message, PacketError, deco
 
 #: Joints whose numbers are known, at most; a sender that makes up names fills the memory, and empties it.
 _MAX_WAITING = 1024
-#: Parts of an address that name neither a performer nor a joint.
-_FRONTS = frozenset(WORDS["columns"]["fronts"])
 #: Bundles without a joint after which its numbers count as unchanged, and after which they count as lost.
 _UNCHANGED, _LOST = 4, 600
 #: Xsens MVN's network stream: identifier, sample, datagram, items, time code in ms, character, body segments, props,
@@ -163,8 +157,7 @@ class ChannelUnpacker:
             known.new.add(axis)
             if len(known.new) == len("xyz"):
                 given += _whole(joint, known)
-        given += self._unchanged() if packet[:1] == b"#" else []
-        return [each for message in given for each in _addressed(message)]
+        return given + self._unchanged() if packet[:1] == b"#" else given
 
     def _unchanged(self) -> list[Message]:
         """Give the joints that wait at a bundle's end for numbers that did not change."""
@@ -175,35 +168,6 @@ class ChannelUnpacker:
             if known.new or (joint.rpartition("/")[0] in here and _UNCHANGED < since <= _LOST):
                 given += _whole(joint, known)
         return given
-
-
-def _addressed(message: Message) -> list[Message]:
-    """Write performer and joint into the address, where they stand before their numbers: `/joint Head 1 0.1 1.6 0.2`.
-
-    Numbers may stand in a list, or in one text: `(0.1, 1.6, 0.2)`.
-    """
-    arguments, address = message.arguments, _bare(message.address)
-    if len(arguments) == 1 and isinstance(several := arguments[0], (list, str)):
-        arguments = several if isinstance(several, list) else [*several.strip("()[] ").replace(",", " ").split()]
-    named = [place for place, each in enumerate(arguments) if isinstance(each, str) and number_of(each) is None]
-    # Where no address does, a number names the joint.
-    named = named or [0] * (address == "/" and len(arguments) > len("xyz"))
-    if named[:1] != [0]:
-        return [Message(address, arguments)]
-    given = list[Message]()
-    for begin, end in pairwise([*named, len(arguments)]):
-        name, numbers = str(arguments[begin]).removesuffix(".0"), arguments[begin + 1 : end]
-        who = numbers[:1] if len(numbers) > len("xyz") and isinstance(numbers[0], int) else []
-        if len(numbers) >= len("xyz"):
-            parts = [address.rstrip("/"), *map(str, who), address_part(name)]
-            given.append(Message("/".join(parts), numbers[len(who) :]))
-    return given or [Message(address, arguments)]
-
-
-@lru_cache(maxsize=_MAX_WAITING)
-def _bare(address: str) -> str:
-    """Leave out words that stand in front of names, and behind: `/skeleton/ann/Head/position` is `/ann/Head`."""
-    return "/" + "/".join(part for part in address.split("/") if part and part.lower() not in _FRONTS)
 
 
 def _whole(joint: str, known: _Channels) -> list[Message]:

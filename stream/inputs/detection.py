@@ -301,9 +301,7 @@ def _stretches(lengths: NDArray[np.float64]) -> bool:
 
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:
     share = len(guess.joints) / len(guess.preset.sent)
-    # Frames of any joints are read by names alone: a product's own preset, which lacks some joints, knows its axes.
-    is_whole = guess.frames > 0 or not guess.preset.closings.some
-    return is_whole, guess.understood * share, len(guess.joints)
+    return guess.frames > 0, guess.understood * share, len(guess.joints)
 
 
 def _joints_in(mapper: Mapper, message: Message) -> list[str] | None:

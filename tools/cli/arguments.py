@@ -271,7 +271,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     text = (
         "share of unknown motions that may be named, by the library's estimate (default: "
         f"{usually.SENSITIVITY_LEARNED} with the built-in library, {usually.SENSITIVITY_OWN} with yours, "
-        f"{usually.SENSITIVITY_ONE} if of one person, {usually.SENSITIVITY_CAMERA} if of several before cameras); "
+        f"{usually.SENSITIVITY_ONE} if one a class, {usually.SENSITIVITY_CAMERA} if of several before cameras); "
         "windows only"
     )
     parser.add_argument("--sensitivity", type=share, help=text)

@@ -53,6 +53,8 @@ _CLOCK = re.compile(
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
 #: A time with its unit.
 _WITH_UNIT = re.compile(r"([-+\d.,]{1,40}) ?([^\W\d]{1,12})")
+#: Frames that a second of such times counts, at most, unless the header says more.
+_MOST_FRAMES = 250
 #: SMPTE's frames per second, and where they do not show; and the number by which their numbers are divided at first.
 _OF_SMPTE, _USUAL_SMPTE, _SMPTE = (24, 25, 30, 48, 50, 60, 100, 120), (30, 60, 120), 1000.0
 #: Seconds after which a clock of twelve hours begins anew.
@@ -65,7 +67,7 @@ _CELL = 150
 _MOST_AT_ONCE = 10
 #: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), such a
 #: number, and the characters of such a field, at most.
-_BRACKETS = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]")
+_BRACKETS = re.compile(r"[(\[{][-+\d.,;:='\"\sxyzeEnaNA]{1,120}[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
@@ -274,7 +276,7 @@ class _Table:
         """Give the seconds of times whose fractions hold the number of a frame."""
         frames = np.round(moments % 1 * _SMPTE)
         rate, most = self.header.rate, float(np.nanmax(frames)) + 1
-        if most > max(_OF_SMPTE):
+        if most > max(rate or 0, _MOST_FRAMES):
             # Milliseconds stand behind a colon, too.
             return moments
         if not rate:

@@ -150,30 +150,6 @@ def test_channels_become_joints(channel: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("address", "tags", "arguments", "expected"),
-    [
-        ("/skeleton/ann/head/position", "fff", (1.0, 2.0, 3.0), {"/ann/head": [1.0, 2.0, 3.0]}),
-        ("/bodies/7/joints/head", "fffs", (1.0, 2.0, 3.0, "Tracked"), {"/7/head": [1.0, 2.0, 3.0, "Tracked"]}),
-        ("/joint", "sfff", ("left hand", 1.0, 2.0, 3.0), {"/left%20hand": [1.0, 2.0, 3.0]}),
-        ("/joint", "siffff", ("head", 7, 1.0, 2.0, 3.0, 0.5), {"/7/head": [1.0, 2.0, 3.0, 0.5]}),
-        ("/a/pose", "sfffsiii", ("b", 1.0, 2.0, 3.0, "c", 4, 5, 6), {"/a/b": [1.0, 2.0, 3.0], "/a/c": [4, 5, 6]}),
-        ("/landmark", "ifff", (5, 1.0, 2.0, 3.0), {"/5": [1.0, 2.0, 3.0]}),
-        ("/landmark", "ffff", (5.0, 1.0, 2.0, 3.0), {"/5": [1.0, 2.0, 3.0]}),
-        ("/pose", "fff", (1.0, 2.0, 3.0), {"/": [1.0, 2.0, 3.0]}),
-        ("/head", "s", ("(1.5, 2, 3)",), {"/head": ["1.5", "2", "3"]}),
-        ("/head", "sss", ("1.5", "2", "3"), {"/head": ["1.5", "2", "3"]}),
-        ("/ann/name", "s", ("Ann",), {"/ann/name": ["Ann"]}),
-    ],
-)  # fmt: skip
-def test_names_go_into_the_address(
-    address: str, tags: str, arguments: tuple[object, ...], expected: dict[str, list[object]]
-) -> None:
-    """Performer and joint may stand in front of numbers; words for places and bodies are no names."""
-    given = ChannelUnpacker()(message(address, tags, *arguments))
-    assert {each.address: each.arguments for each in given} == expected
-
-
-@pytest.mark.parametrize(
     ("names", "joints"),
     [
         ("pelvis neck head wrist_l knee_r", ("root", "rfemur", "lowerneck", "head", "lradius")),

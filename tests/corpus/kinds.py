@@ -384,6 +384,8 @@ def _tables() -> dict[str, Kind]:
         "two times, the first stands": (_in_front("start time,time_ms,", lambda _, t: f"12.5,{1000 * t:.1f},"), {}),
         "SMPTE": (_in_front("Timecode,", lambda n, _: f"10:00:{(n + 30) // 60:02}:{(n + 30) % 60:02},"), {}),
         "SMPTE within one second": (_in_front("Timecode,", lambda n, _: f"10:00:01:{n:02},"), {"tells": "60 frames a second"}),
+        "SMPTE of 240 frames": (_in_front("Timecode,", lambda n, _: f"10:00:{(n + 220) // 240:02}:{(n + 220) % 240:03},"), {"rate": 240.0}),
+        "brackets around names": ("".join(f"{row},{0.5 if n else 'note)'}\n" for n, row in enumerate(table(clock="time(s").splitlines())), {}),
         "SMPTE with ;": (_in_front("Frame,Time,", lambda n, _: f"{n},10:00:{(n + 30) // 60:02};{(n + 30) % 60:02},"), {}),
         "dates of America": (_in_front("timestamp,", lambda _, t: f"05/01/2024 12:59:{59.5 + t if t < 0.5 else 0:09.6f} PM,".replace("12:59:00.000000", f"01:00:{t - 0.5:09.6f}")), {}),
         "dates of Germany": (_in_front("timestamp,", lambda _, t: f"01;05;2024 10:00:{t:09.6f},").replace(",", "|").replace(".", ",").replace(";", "."), {}),

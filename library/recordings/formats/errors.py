@@ -15,8 +15,9 @@ _NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#[\w/]+[!?]?|null|none|undefi
 _THOUSANDS = re.compile(r"(?<![\d.])-?\d{1,3}(\.\d{3}){2,}(?![\d.])")
 
 
-#: A number with commas, apostrophes or blanks between its thousands and a point behind them.
-_GROUPED = re.compile(r"[-+]?\d{1,3}([,'’\s]\d{3})+\.\d*")
+#: A number with commas, apostrophes or blanks that do not break between its thousands, and a point behind them: plain
+#: blanks stand between numbers.
+_GROUPED = re.compile(r"[-+]?\d{1,3}([,'’\u00a0\u2009\u202f]\d{3})+\.\d*")
 
 
 class RecordingError(ValueError):
@@ -62,7 +63,7 @@ def number_of(field: str) -> float | None:
         if _NOTHING.fullmatch(field):
             return math.nan
     try:
-        return float(re.sub(r"[,'’\s]", "", field) if _GROUPED.fullmatch(field) else field.replace(",", "."))
+        return float(re.sub(r"[^-+.\d]", "", field) if _GROUPED.fullmatch(field) else field.replace(",", "."))
     except ValueError:
         return None
 

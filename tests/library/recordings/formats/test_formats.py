@@ -17,6 +17,7 @@ from kinespace.library.distances import distance_rows
 from kinespace.library.recordings import RecordingError, RecordingReader, read_recordings
 from kinespace.library.recordings.formats import bvh, joint_table
 from kinespace.library.recordings.formats.acclaim import find_asf, read_asf, read_clip
+from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.measures import guessed_metres, metres_of
 from kinespace.library.signature.body import Body
 
@@ -278,3 +279,9 @@ def test_a_mistake_is_named_with_its_file_and_its_line(
     wanted = message if ending in ("amc", "asf") else re.escape(message)
     with pytest.raises(RecordingError, match=f"^{re.escape(str(named))}{wanted}"):
         RecordingReader().clip(path)
+
+
+def test_a_plain_blank_stands_between_numbers() -> None:
+    """Three coordinates in a field are no number with thousands; blanks that do not break are."""
+    assert number_of("100 200 300.5") is None
+    assert number_of("1\u202f160.5") == number_of("1'160.5") == 1160.5

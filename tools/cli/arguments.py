@@ -271,8 +271,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     text = (
         "share of unknown motions that may be named, by the library's estimate (default: "
         f"{usually.SENSITIVITY_LEARNED} with the built-in library, {usually.SENSITIVITY_OWN} with yours, "
-        f"{usually.SENSITIVITY_ONE} if one a class, {usually.SENSITIVITY_CAMERA} if of several before cameras); "
-        "windows only"
+        f"{usually.SENSITIVITY_ONE} with one motion of each class, {usually.SENSITIVITY_CAMERA} of several before "
+        "cameras); windows only"
     )
     parser.add_argument("--sensitivity", type=share, help=text)
     parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")

@@ -56,7 +56,7 @@ _THERE = 1.0
 #: Seconds without a frame after which a sender is silent, and packets are looked at otherwise.
 SILENCE = 1.0
 #: Seconds between two frames of a performer, at least, while the service cannot keep up: windows need no more.
-APART = 0.03
+APART = 0.045
 #: Performers whose last frames are known then, at most.
 _MAX_PERFORMERS = 1024
 #: Senders whose debts are kept, at most; only a program that sends each packet from another port reaches the limit.

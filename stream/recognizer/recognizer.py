@@ -36,7 +36,7 @@ _SAME_HOP = 0.01
 #: Seconds between two turns of a performer in overload, at most: after more its clock has jumped, or it was silent.
 _LONGEST_TURN = 5.0
 #: Frames that wait for the next hop to be measured together, at most.
-_MAX_WAITING = 16
+_MAX_WAITING = 24
 #: Frames in a row that may be older than the newest before the sender is taken to have started again. A frame older
 #: than the longest window means so at once.
 _PATIENCE = 10

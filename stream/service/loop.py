@@ -119,11 +119,9 @@ CLASSES_EVERY = 5.0
 REFUSED_EVERY = 1.0
 #: Seconds for which packets that have waited are taken in before some performers are answered, at most.
 _MAX_CATCHING_UP = 0.1
-#: Performers that are then answered, at least, before packets are taken in again: their frames are fresh, and they are
-#: compared together.
+#: Performers that are then answered together; others after them only until answers have taken as long as packets: what
+#: waits meanwhile would be dropped for its age.
 _TURNS = 8
-#: Further performers for each packet that was taken in: reading one takes a share of the time of an answer.
-_TURNS_A_PACKET = 1 / 32
 #: Seconds that no packet has waited.
 _ENDLESS = 1e6
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
@@ -205,8 +203,6 @@ class Service:
         #: When the last step ends; inf before it was stopped.
         self._over = math.inf
         self._overload = Overload()
-        #: How many performers are answered at the next turn, at least.
-        self._turns = float(_TURNS)
         #: Commands that wait.
         self._asked = deque[Asked]()
         #: The motions whose starts were published: performer and class.
@@ -254,16 +250,19 @@ class Service:
         aside = any(source.has_put_aside for source in self.sources)
         is_busy = aside or self._asked or self._overload.until == math.inf
         self._poller.poll(0 if is_busy else math.ceil(sleep * 1000))
+        began = self._clock()
         # Every source is asked, even when nothing came: one poll is cheaper than finding out which source it was, and a
         # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
             while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
                 left -= taken
-        while self._overload.until == math.inf and self._turns > 0:
-            self._turns -= self._deal_with(self._overload.turns(_TURNS), newest_only=True)
-        self._turns = float(_TURNS)
-        self._looked = self._clock()
+        self._looked = now = self._clock()
+        until = 2 * now - began
+        while self._overload.until == math.inf:
+            self._deal_with(self._overload.turns(_TURNS), newest_only=True)
+            if self._clock() >= until:
+                break
 
     def _deal_with_waiting(self, source: AnySource, most: int) -> int:
         """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
@@ -325,7 +324,6 @@ class Service:
         lag = source.lag if taken else 0.0
         while self._clock() < until and self._take(source, taken):
             lag = max(lag, source.lag)
-            self._turns += _TURNS_A_PACKET
             if len(taken) > MAX_HESITATION:
                 # What has waited before overload was noticed is only thinned.
                 source.patience = min(source.patience, _ENDLESS)

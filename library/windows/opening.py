@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -11,7 +10,7 @@ from kinespace.library.memory import give_back_memory
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.windows.comparison import Weighing
 from kinespace.library.windows.index import WindowIndex
-from kinespace.library.windows.remembered import remembered
+from kinespace.library.windows.remembered import Numbers, remembered
 from kinespace.library.windows.taught import usual_weighing
 
 #: Threads of linear algebra: the matrices are small, and threads take the cores from each other. On two busy cores,
@@ -77,14 +76,15 @@ def _viewed(whole: WindowIndex, joints: tuple[str, ...]) -> WindowIndex:
 def _opened(library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...] = ()) -> WindowIndex:
     """Open a library's windows, perhaps by some joints, with all that need not be computed again."""
 
-    def compute() -> tuple[Any, ...]:
+    def compute() -> Numbers:
         index = WindowIndex.of(library.restricted_to(joints) if joints else library, weighing=weighing)
-        placed = (index.vectors, index.eigenvectors, index.motions, index.head)
-        return (index.body, index.basis, index.comparison, *placed, index.rejection, index.segments, index.courses)
+        learned = index.body, index.basis, index.comparison
+        placed = index.vectors, index.eigenvectors, index.motions, index.head
+        return *learned, *placed, index.rejection, index.segments, index.courses
 
-    *fields, rejection, segments, courses = remembered(library, weighing, joints, compute)
-    index = WindowIndex(_bare(library).restricted_to(joints) if joints else library, *fields)
-    index.rejection, index.segments, index.courses = rejection, segments, courses
+    numbers = remembered(library, weighing, joints, compute)
+    index = WindowIndex(_bare(library).restricted_to(joints) if joints else library, *numbers[:7])
+    index.rejection, index.segments, index.courses = numbers[7:]
     return index
 
 

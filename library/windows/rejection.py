@@ -6,24 +6,20 @@ asks as unknown. Each group of parts is evaluated alone: a motion is known when 
 and far from the others, which says more than the distance of all parts together.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from operator import mul
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinespace.library.library_file import Learned
 from kinespace.library.windows.comparer import named_and_alone
 from kinespace.library.windows.taught import usual_weighing
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
     from kinespace.library.windows.index import WindowIndex
 
 #: Shares of unknown time that may be named; a threshold is kept for each.
@@ -236,7 +232,7 @@ def by_likelihood(classes: int) -> Rejection:
     return Rejection(weights, offset, {}, {}, thresholds, np.zeros(2), held=HELD_ONE, by_likelihood=True)
 
 
-def rejection_of(index: WindowIndex) -> Rejection:
+def rejection_of(index: "WindowIndex") -> Rejection:
     """Give a library's rejection: as strangers' motions taught it, else as its own do."""
     library, weighing = index.library, index.comparison.weighing
     if not weighing.judges:
@@ -250,7 +246,7 @@ def rejection_of(index: WindowIndex) -> Rejection:
     return replace(rejection, typical=typical_evidence(index)) if few or joints < rejection.joints else rejection
 
 
-def learned_rejection(index: WindowIndex) -> Rejection:
+def learned_rejection(index: "WindowIndex") -> Rejection:
     """Learn from a library's own motions how near known motions are, and unknown motions.
 
     Of one person's motions nothing is learned: three gestures, three times each, say little of all other movement.
@@ -278,13 +274,13 @@ def _thresholds(logits: NDArray[np.float64], classes: NDArray[np.intp]) -> NDArr
     return np.interp(RATES, shares / shares[-1], logits[order])
 
 
-def typical_evidence(index: WindowIndex) -> NDArray[np.float64]:
+def typical_evidence(index: "WindowIndex") -> NDArray[np.float64]:
     """Give the typical distances and leads of a library's own motions, shape (2 groups,)."""
     known, _, _ = _asked(index)
     return np.median(known, axis=0) if len(known) else np.zeros(known.shape[1])
 
 
-def _asked(index: WindowIndex) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+def _asked(index: "WindowIndex") -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
     """Let windows ask the rest of the library, and then the rest without their class.
 
     Returns

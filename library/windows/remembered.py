@@ -1,20 +1,18 @@
 """The opened windows of the built-in library, kept in the user's cache folder: the next start need not cut them."""
 
 import hashlib
-import io
-import json
 import os
 import platform
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,10 +21,9 @@ from kinespace.library.clip import Clip
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.parts import Kind, Part
 from kinespace.library.windows.comparer import Head
-from kinespace.library.windows.comparison import Comparison, Metric, Weighing
-from kinespace.library.windows.courses import Courses, Pieces, Screen
+from kinespace.library.windows.comparison import Comparison, Weighing
+from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import Segments
 
@@ -35,9 +32,19 @@ _ENDING = ".windows"
 _KEPT = 12
 #: Bytes of a file, at most; the built-in library's windows take some 5 MB.
 _MAX_BYTES = 40_000_000
-#: What a file may hold besides arrays, numbers, texts and tuples of them.
-_CLASSES = (Basis, Body, Comparison, Courses, Head, Kind, Metric, Part, Pieces, Rejection, Screen, Segments, Weighing)
-_HELD: dict[str, Callable[..., object]] = {each.__name__: each for each in _CLASSES}
+#: The numbers of an opened index.
+Numbers: TypeAlias = tuple[
+    Body,
+    Basis,
+    Comparison,
+    tuple[NDArray[np.float16], ...],
+    NDArray[np.float32],
+    NDArray[np.intp],
+    Head | None,
+    Rejection,
+    Segments,
+    Courses,
+]
 
 
 def cache_folder() -> Path:
@@ -52,8 +59,8 @@ def cache_folder() -> Path:
 
 
 def remembered(
-    library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...], compute: Callable[[], tuple[Any, ...]]
-) -> tuple[Any, ...]:
+    library: MotionLibrary, weighing: Weighing, joints: tuple[str, ...], compute: Callable[[], Numbers]
+) -> Numbers:
     """Give the numbers of opened windows: from the user's cache, or computed and put there.
 
     Motions of other libraries than the built-in one are nobody's business but their owner's: their numbers are computed
@@ -125,35 +132,18 @@ def _text() -> str:
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-def _apart(value: object, arrays: list[NDArray[np.generic]]) -> object:
-    """Give a value as JSON has it, and collect its arrays."""
-    name = type(value).__name__
+def _encoded(value: object) -> object:
+    """Encode arrays, also how they lie in memory, and numbers of numpy's."""
     if isinstance(value, np.ndarray):
-        arrays.append(value)
-        return {"array": len(arrays) - 1}
-    if isinstance(value, Mapping):
-        return {"map": [_apart(each, arrays) for each in value.items()]}
-    if isinstance(value, Kind):
-        return {name: [value.value]}
-    if isinstance(value, tuple):
-        parts = [_apart(each, arrays) for each in value]
-        return {name: parts} if name in _HELD else parts
-    if is_dataclass(value):
-        return {name: [_apart(getattr(value, each.name), arrays) for each in fields(value) if each.init]}
-    return value.item() if isinstance(value, np.generic) else value
+        order: Literal["C", "F"] = "F" if value.flags.fnc else "C"
+        return value.dtype.str, value.shape, order, value.tobytes(order)
+    return value.item()  # type: ignore[attr-defined]
 
 
-def _together(value: Any, arrays: Sequence[NDArray[np.generic]]) -> Any:  # noqa: ANN401 - whatever was taken apart
-    """Give the value that was taken apart."""
-    if isinstance(value, list):
-        return tuple(_together(each, arrays) for each in value)
-    if not isinstance(value, dict):
-        return value
-    ((name, inner),) = value.items()
-    if name == "array":
-        return arrays[inner]
-    parts = _together(inner, arrays)
-    return dict(parts) if name == "map" else _HELD[name](*parts)
+def _decoded(_: object, value: Any) -> NDArray[np.generic]:  # noqa: ANN401 - of a file
+    """Decode an array; no other field is of a kind that msgspec does not know."""
+    kind, shape, order, numbers = value
+    return np.frombuffer(numbers, kind).reshape(shape, order=order).copy(order)
 
 
 def _require_own(path: Path) -> None:
@@ -163,7 +153,7 @@ def _require_own(path: Path) -> None:
         raise ValueError(f"{path}: a link, or others can write to it")
 
 
-def _read(path: Path) -> tuple[Any, ...]:
+def _read(path: Path) -> Numbers:
     """Read a file; OSError or ValueError for one that is not there, is not this user's alone, or is damaged."""
     for each in (path.parent, path):
         _require_own(each)
@@ -171,23 +161,18 @@ def _read(path: Path) -> tuple[Any, ...]:
     digest, numbers = content[:32], content[32:]
     if hashlib.sha256(numbers).digest() != digest:
         raise ValueError(f"{path}: damaged")
-    with np.load(io.BytesIO(numbers), allow_pickle=False) as found:
-        arrays = [found[f"arr_{place}"] for place in range(len(found.files) - 1)]
-        read: tuple[Any, ...] = _together(json.loads(str(found["described"])), arrays)
+    read: Numbers = msgspec.msgpack.decode(numbers, type=Numbers, dec_hook=_decoded)
     # The oldest file goes first.
     os.utime(path)
     return read
 
 
-def _write(path: Path, numbers: tuple[Any, ...]) -> None:
+def _write(path: Path, numbers: Numbers) -> None:
     """Write a file, and remove our own that were not used for longest; errors as of `_read`."""
     folder = path.parent
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     _require_own(folder)
-    arrays: list[NDArray[np.generic]] = []
-    described, file = json.dumps(_apart(numbers, arrays)), io.BytesIO()
-    np.savez(file, *arrays, described=np.array(described))
-    content = file.getvalue()
+    content = msgspec.msgpack.encode(numbers, enc_hook=_encoded)
     with tempfile.NamedTemporaryFile(dir=folder, prefix="new-", delete=False) as new:
         try:
             new.write(hashlib.sha256(content).digest() + content)

@@ -153,17 +153,13 @@ def _limits_of(courses: Courses, share: float) -> NDArray[np.float32]:
     return np.concatenate([whole * lasting, np.tile(begun, (len(lasting), 1))], axis=1, dtype=np.float32)
 
 
-class _Streak:
-    """Counts the looks in a row that see the same class."""
+#: No class, seen in no look.
+_UNSEEN = "", 0
 
-    def __init__(self) -> None:
-        self._name, self._count = "", 0
 
-    def sees(self, name: str, looks: int = _LOOKS) -> bool:
-        """Take in the class that a look sees, empty for none; say whether so many looks in a row have seen it."""
-        self._count = self._count + 1 if name and name == self._name else 1
-        self._name = name
-        return bool(name) and self._count >= looks
+def _in_a_row(before: tuple[str, int], name: str) -> tuple[str, int]:
+    """Give the class that a look sees, empty for none, and the looks in a row that have seen it, as `before` them."""
+    return name, before[1] + 1 if name and name == before[0] else 1
 
 
 class DoneFollower:
@@ -216,7 +212,8 @@ class DoneFollower:
         self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
         #: When, for which class, and by how much there was evidence.
         self._evident = deque[tuple[float, str, float]]()
-        self._whole, self._begun = _Streak(), _Streak()
+        #: The class that whole motions and that first parts show, and for how many looks in a row.
+        self._whole, self._begun = _UNSEEN, _UNSEEN
         #: A motion that is seen and comes nearer, and for how many looks.
         self._waiting: Found | None = None
         self._waited = 0
@@ -347,10 +344,12 @@ class DoneFollower:
         whole, begun = (each if each and each.score > 0.5 else None for each in (whole, begun))
         name = whole.class_name if whole else ""
         looks = _LOOKS if self._persons.get(name, 1) > 1 else 1
-        done = self._nearest_of(whole if self._whole.sees(name, looks) else None)
-        starts = begun if self._begun.sees(begun.class_name if begun else "") else None
+        self._whole = _in_a_row(self._whole, name)
+        self._begun = _in_a_row(self._begun, begun.class_name if begun else "")
+        done = self._nearest_of(whole if self._whole[1] >= looks else None)
+        starts = begun if self._begun[1] >= _LOOKS else None
         if done:
-            self._over, self._whole, self._begun = self.time, _Streak(), _Streak()
+            self._over, self._whole, self._begun = self.time, _UNSEEN, _UNSEEN
         found = starts or done
         if found is None:
             return Look(seen=near and Seen(near.class_name, near.score, near.seconds, begins=False))

@@ -1,6 +1,7 @@
 """The segments of a library's bodies: how long they are, which joints they join, and which joints have another side."""
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -165,16 +166,22 @@ def shares_of_size(positions: NDArray[np.floating], segments: NDArray[np.intp]) 
     return shares
 
 
+#: A word for a side, and for the other; and where it stands in a name, the surest place first.
+_OTHER = {"left": "right", "Left": "Right", "LEFT": "RIGHT", "l": "r", "L": "R"}
+_OTHER |= {other: word for word, other in _OTHER.items()}
+_SIDES = [re.compile(each) for each in ("[Ll]eft|[Rr]ight|LEFT|RIGHT", r"(?<![^\W_])[lrLR](?![^\W_])", "^[lrLR]")]
+
+
 def mirrored_places(joints: Sequence[str]) -> NDArray[np.intp] | None:
     """Find each joint's place on the other side: of `lwrist` that of `rwrist`, `LeftHand`, `RightHand`, `hand.L`.
 
     A joint in the middle has its own; None where no name has a side.
     """
-    places = {name: place for place, name in enumerate(joints)}
-    others = [next((places[other] for other in _other_sides(name) if other in places), None) for name in joints]
-    if not any(other is not None for other in others):
-        return None
-    return np.array([place if other is None else other for place, other in enumerate(others)], dtype=np.intp)
+    places, others = {name: place for place, name in enumerate(joints)}, np.arange(len(joints))
+    for name, place in places.items():
+        renamed = (each.sub(lambda found: _OTHER[found[0]], name) for each in _SIDES)
+        others[place] = next((places[other] for other in renamed if other != name and other in places), place)
+    return others if (others != np.arange(len(joints))).any() else None
 
 
 def mirrored(clip: Clip) -> Clip:
@@ -196,20 +203,6 @@ def mirrored(clip: Clip) -> Clip:
         take=f"{clip.take} mirrored".strip(),
         name=f"{clip.name} mirrored".strip(),
     )
-
-
-def _other_sides(name: str) -> Iterable[str]:
-    for one, other in (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")):
-        if one in name:
-            yield name.replace(one, other)
-        if other in name:
-            yield name.replace(other, one)
-    for one, other in (("l", "r"), ("L", "R")):
-        for before, after in ((one, other), (other, one)):
-            if name.startswith(before):
-                yield after + name[1:]
-            if len(name) > 2 and name.endswith(before) and name[-2] in "._- ":
-                yield name[:-1] + after
 
 
 #: The remark on a body without depth.

@@ -54,6 +54,7 @@ def test_a_body_is_compared_as_the_slow_twin_does(small_index: WindowIndex) -> N
         (("Hips", "LeftHand", "RightHand"), (0, 2, 1)),
         (("hand.L", "hand.R", "knee_r", "knee_l"), (1, 0, 3, 2)),
         (("LEFT knee", "RIGHT knee", "leftover"), (1, 0, 2)),
+        (("Bip01 L Foot", "Bip01 R Foot", "lowerArm_left", "lowerArm_right"), (1, 0, 3, 2)),
         (("root", "a", "b"), None),
         (("lr", "rl", "handl", "handr"), None),
     ],

@@ -163,6 +163,15 @@ def _motive_markers() -> str:
     )
 
 
+def _results() -> str:
+    """Give angles and places of a model side by side, told apart by a row above the names."""
+    head = "# ,Joint Angle,,,,,,Joint Coordinate,,,\n# ,,,x = flexion,,,,###O = Origin,,,\n"
+    names = _several_rows([*NAMES[:2], *NAMES], "XYZ", (["# "], ["# frame num"]), "first")
+    return (
+        head + names + _frames(np.concatenate([100 * BODY[:, :2], 1000 * BODY], axis=1), lambda place: f"{place:.9f}")
+    )
+
+
 def _rigid() -> str:
     """Motive's rigid bodies: each of their markers stands there as the body's, and as it was measured."""
     names = [f"{who}:Marker {number}" for who in ("Front", "Back") for number in (1, 2)]
@@ -341,6 +350,12 @@ def _tables() -> dict[str, Kind]:
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
         "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
+        "two people whose names are the same": (table(names=NAMES * 2, positions=BOTH), {"people": ("1", "2")}),
+        "two people whose names are the same, joint by joint": (table(names=[name for name in NAMES for _ in (1, 2)], positions=np.stack([BODY, OTHER], axis=2).reshape(48, 32, 3)), {"people": ("1", "2")}),
+        "two people whose names are the same, over their axes": (_several_rows(NAMES * 2, "XYZ", (["", ""], ["Frame", "Time"]), "first") + _frames(BOTH, lambda place: f"{place},{TIMES[place]:.4f}"), {"people": ("1", "2")}),
+        "two people with numbers behind all names": (table(names=[f"{name}{who}" for who in (1, 2) for name in NAMES], positions=BOTH), {"people": ("1", "2")}),
+        "a joint twice": (table(names=[*NAMES, "Head"], positions=np.concatenate([BODY, BODY[:, :1]], axis=1)), {"tells": "Head for another time"}),
+        "heads and tails of bones": (table(names=[f"{name}_{end}" for name in NAMES for end in ("head", "tail")], positions=np.stack([BODY, BODY + 0.05], axis=2).reshape(48, 32, 3)), {"tells": "the tails of bones"}),
         "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=BOTH, more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people, one never seen": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, np.zeros_like(BODY)], axis=1)), {"people": ("ann",), "tells": "never seen: bob"}),
@@ -374,6 +389,8 @@ def _tables() -> dict[str, Kind]:
         "the last line is cut": (table()[:-60], {"frames": slice(-1), "tells": "cut off"}),
         "Motive": (_motive(), {}),
         "Motive's markers by number": (_motive_markers(), {}),
+        "Motive's markers without titles": (re.sub("(?m)^,(Type|Name|ID)", ",", _motive_markers()).replace(",7", "".join(f",{number}" for number in range(1, 17) for _ in "xyz"), 1).replace(",7", ""), {}),
+        "results, angles first": (_results(), {"rate": 30.0, "tells": "frame numbers"}),
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(BODY, str), {"rate": 30.0, "tells": "times: none"}),
@@ -790,6 +807,7 @@ def _c3ds() -> dict[str, Kind]:
         "a name that goes on behind a NUL": (c3d(labels=[name.ljust(14, "\0") for name in NAMES]).replace(b"Head\0\0\0", b"Head\0zz"), {}),
         "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),
         "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {"tells": "without a name"}),
+        "more points in the header, and matrices behind": (_at(2, b"\x54\0", _theia(NAMES)), {}),
         "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip

@@ -334,10 +334,13 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
 def _begun(path: Path, most: int | None = None) -> str | None:
     """Give the mark by which a text is a table of the most joints, a blank at last; None where it is none."""
     front = "".join(islice(lines_of(path, most, errors="replace"), _FRONT))
-    found = (
-        (table.header.rank, mark) for mark in _MARKS if mark in front for table in islice(_tables(path, mark, most), 1)
-    )
-    return max(found, key=lambda each: (each[1] != " ", each[0]), default=(None, None))[1]
+    marks = [mark for mark in _MARKS if mark in front]
+    # Blanks stand within names, too.
+    for some in ([mark for mark in marks if mark != " "], [mark for mark in marks if mark == " "]):
+        found = ((table.header.rank, mark) for mark in some for table in islice(_tables(path, mark, most), 1))
+        if best := max(found, default=None):
+            return best[1]
+    return None
 
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:

@@ -7,6 +7,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from importlib import resources
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ _MAX_IN_METRES = 16.0
 _MAX_IN_CENTIMETRES = 500.0
 
 
+@lru_cache(maxsize=256)
 def metres_of(unit: str) -> float | None:
     """Give the metres of a unit's name, or of a number that says them itself; None for any other text.
 

@@ -56,6 +56,7 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
 _ROOT = re.compile(r"(.+):\1")
+_BONE, _TAIL = (re.compile(rf"(.+)[\W_]{end}", re.IGNORECASE) for end in ("head", "tail"))
 _RATE = re.compile(
     r"((export|camera|capture|recording|video|(stream )?nominal) )?"
     r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
@@ -64,8 +65,9 @@ _RATE = re.compile(
 _ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
 _LEADING = re.compile(r"\s*(\d+\.?\d*)")
 _UNIT = re.compile(r"(length |pos\w*? ?)?units?\W*", re.IGNORECASE)
-#: The columns of x, y and z, by joint.
+#: The columns of x, y and z, by joint; and the columns of each axis.
 _Columns = Mapping[str, tuple[int, int, int]]
+_Places = dict[str, list[int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +117,10 @@ def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
     """Say whether a row holds a frame: most of it are numbers, the first one too unless a name may stand there."""
     filled = [field for field in row if field.strip()]
     numbers = sum(number_of(field) is not None for field in filled)
-    # Motive numbers its markers, too.
-    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"") and filled[0].strip() != "ID"
-    return begins and numbers > 0.7 * len(filled) - 1.2
+    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"")
+    # Motive numbers its markers, over each of their columns.
+    counts = filled[:1] == ["ID"] or (filled[::3] == filled[1::3] == filled[2::3] and len({*filled}) > 1)
+    return begins and not counts and numbers > 0.7 * len(filled) - 1.2
 
 
 def is_value(name: str) -> bool:
@@ -173,29 +176,35 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
     best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
-        found, units, measures = dict[str, dict[str, int]](), set[str](), set[str]()
+        found, units, measures = dict[str, _Places](), set[str](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' =\"").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 is_name = unit.isdigit() or metres_of(unit or "m") is None
                 joint = f"{named['joint']}_{unit}" if is_name else named["joint"]
-                found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
+                found.setdefault(joint, {}).setdefault(named["axis"].lower(), []).append(place)
                 units.add("" if is_name else unit)
                 measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
-        turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
+        turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
+        # Unity's vectors forward come with those up and to the right.
+        ahead = any(words_of(joint)[-1:] == ["forward"] for joint in whole)
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures or _is_no_place(joint) or (turns and len(axes) == 4)
+            if joint in measures
+            or _is_no_place(joint)
+            or (turns and len(axes) == 4)
+            or (ahead and words_of(joint)[-1:] in (["forward"], ["up"], ["right"]))
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
         if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):
             places, others = world, others + [joint for joint in places if joint not in world]
         if len(places) > len(best[0]):
-            best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
+            joints, again = _apart({joint: whole[joint] for joint in places})
+            best = joints, [*others, *again], units - {""}
     return best
 
 
@@ -205,9 +214,18 @@ def _is_no_place(name: str) -> bool:
     return bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
-def _three(axes: Mapping[str, int]) -> tuple[int, int, int]:
-    x, y, z = (axes[axis] for axis in sorted({*axes} - {"w"})[:3])
-    return x, y, z
+def _apart(found: Mapping[str, _Places]) -> tuple[_Columns, list[str]]:
+    """Give x, y and z of each joint, and joints that stand there again; where all do they are people's (`1:head`)."""
+    axes = {joint: [each[axis] for axis in sorted({*each} - {"w"})[:3]] for joint, each in found.items()}
+    counts = {len(places) for three in axes.values() for places in three}
+    people = range(counts.pop() if len(counts) == 1 < len(axes) else 1)
+    joints = {
+        f"{person + 1}:{joint}" if len(people) > 1 else joint: (x[person], y[person], z[person])
+        for person in people
+        for joint, (x, y, z) in axes.items()
+    }
+    again = [joint for joint, three in axes.items() if len(people) == 1 < max(map(len, three))]
+    return joints, [f"{joint} for another time" for joint in again]
 
 
 def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
@@ -253,7 +271,7 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
     above = [_filled(row, size, axes) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
     below = below if rows[:place] else []
-    kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
+    kinds = [row for row in above if {"position", "rotation", "joint angle"} & {name.lower() for name in row}]
     said = {cell.lower() for row in above for cell in row}
     bones = "bone" in said
     # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
@@ -280,15 +298,15 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
     # Motive calls a skeleton's first bone like the skeleton.
     named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
-    joints = dict[str, dict[str, int]]()
+    joints = dict[str, _Places]()
     for column in ours:
-        joints.setdefault(named[column], {}).setdefault(axes[column], column)
-    whole = {joint: _three(each) for joint, each in joints.items() if joint and len(each) == 3}
-    others = [joint for joint in whole if _NO_PLACES & {*words_of(joint)[-1:]}]
-    whole = {joint: each for joint, each in whole.items() if joint not in others}
+        joints.setdefault(named[column], {}).setdefault(axes[column], []).append(column)
+    joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
+    others = [joint for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}]
+    whole, twice = _apart({joint: each for joint, each in joints.items() if joint not in others})
     units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
+    return _header(rows[:place], names, whole, [*others, *twice], units - {""}) if len(whole) > 1 else None
 
 
 def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str]:
@@ -321,16 +339,17 @@ def _header(
     alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
     named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
     named += [metres_of(units.pop())] if len(units) == 1 else []
+    bare = _plain(joints)
     return Header(
         [name.strip().strip("#").strip() for name in names],
-        _plain(joints),
+        bare,
         [*times, *(column for column in frames if column not in times)],
         people,
         [column for column in words if column not in {*times, *frames, *people}],
         [column for column, each in words.items() if _LABELS & {*each}],
         next((rate for rate in (*rates, *reversed(alone)) if rate > 1), 0.0),
         next((each for each in named if each), None),
-        others,
+        [*others, *["the tails of bones"] * (len(bare) < len(joints))],
         (any(row and row[0].lower() == "trajectories" for row in rows), len(joints)),
     )
 
@@ -350,6 +369,10 @@ def _plain(joints: _Columns) -> _Columns:
     """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
+    bones = {name[1]: axes for joint, axes in found.items() if (name := _BONE.fullmatch(joint))}
+    if 2 * len(bones) == len(found) == sum(bool(_TAIL.fullmatch(joint)) for joint in found) * 2:
+        # Blender's bones begin at their joints.
+        found = bones
     front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
     if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
         bare = {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}

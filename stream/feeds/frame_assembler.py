@@ -174,7 +174,7 @@ class FrameAssembler:
                 continue
             if reading is None:
                 self.counts.foreign += 1
-            elif reading.means not in (Means.NAME, Means.ORDER):
+            elif reading.means not in (Means.NAME, Means.ORDER, Means.NOTHING):
                 touched |= dict.fromkeys(self._take(reading, packet))
         if bundle:
             for name in touched:

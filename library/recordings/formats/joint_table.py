@@ -65,9 +65,10 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), such a
+#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), or
+#: names, such a
 #: number, and the characters of such a field, at most.
-_BRACKETS = re.compile(r"[(\[{][-+\d.,;:='\"\sxyzeEnaNA]{1,120}[)\]}]")
+_BRACKETS = re.compile(r"[(\[{](?:[-+\d.,;:='\"\sxyzeEnaNA]{1,120}|\w+(?:[,;] ?\w+){2})[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
@@ -324,7 +325,8 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
                 raise csv.Error("a quotation mark that does not end on its line")
             # What stands in brackets is one field, without quotation marks, too.
             has_brackets = "(" in line or "[" in line or "{" in line
-            yield _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line) if has_brackets else line
+            one = _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line) if has_brackets else line
+            yield one.replace(";(", f"{mark}(")
 
     if mark == " ":
         return (line.replace('"', "").lstrip("# ").split() for line in whole())
@@ -457,7 +459,8 @@ def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list
 
 def _three_names(cell: str, axes: str) -> list[str]:
     """Name a column for each axis: a joint's, or the three that stand there: `head_x,head_y,head_z`."""
-    named = [coordinate_of(part.strip()) or ("", "") for part in re.split("[,;|]", cell)]
+    parts = re.split("[,;|]", cell) if re.search("[,;|]", cell) else cell.strip("()[]{}").split()
+    named = [coordinate_of(part.strip()) or ("", "") for part in parts]
     if len({joint for joint, _ in named}) == 1 and sorted(axis for _, axis in named) == sorted(axes):
         return [f"{joint}_{axis}" for joint, axis in named]
     return [f"{cell}_{axis}" for axis in axes]

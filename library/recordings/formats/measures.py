@@ -310,11 +310,20 @@ def laid(times: Times, positions: Positions, rate: float | None = None) -> Evene
     times, positions = times[last], positions[last]
     steps = np.diff(times)
     since = times - times[0]
-    mean, rounded = len(steps) / float(since[-1]), next((10.0**-n for n in range(8) if _is_rounded(since, n)), 0.0)
+    mean, rounded = len(steps) / float(since[-1]), _rounding(since)
     own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
     if np.ptp(since - np.arange(len(since)) / own) <= 1.01 * rounded + _EVEN / mean:
         return Evened(positions, own, 0, ())
     return evened(times, positions, rate=rate)
+
+
+def _rounding(since: Times) -> float:
+    """Give the seconds to which times are rounded, by their decimals or, as `%g` does, by their digits; 0: neither."""
+    place = 3 - math.floor(math.log10(since[-1]))
+    late = np.diff(since[since >= 10.0 ** (3 - place)])
+    decimals = (10.0**-n for n in range(8) if _is_rounded(since, n))
+    digits = (10.0**-n for n in range(place, place + 4) if len(late) and _is_rounded(late, n))
+    return max(next(decimals, 0.0), next(digits, 0.0))
 
 
 def _is_rounded(times: Times, place: int) -> bool:

@@ -642,6 +642,18 @@ def _bvhs() -> dict[str, Kind]:
     glitch[20, 7] = 0.01
     noise[:, 6:9] = 1e-7
     head, motion = plain.split("Frame Time")
+    scene, staged = _bvh_body(moves=True)
+    for node in scene.all():
+        node.offset = (100 * node.offset[0], 100 * node.offset[1], 100 * node.offset[2])
+    staged[:, :3] *= 100
+    staged[:, 0] += 800
+    scene = Node(
+        "Reference",
+        (0.0, 0.0, 0.0),
+        (*MOVES, *TURNS),
+        [scene, Node("Sword", (750.0, 0.0, 0.0), TURNS, [Node("SwordTip", (0.0, 90.0, 0.0))])],
+    )
+    staged = np.hstack([np.tile([-800.0, 0, 0, 0, 0, 0], (48, 1)), staged, np.zeros((48, 3))])
     twice = plain.replace("MOTION", plain.removeprefix("HIERARCHY\n").partition("MOTION")[0] + "MOTION")
     texts = {
         "plain": (plain, {}),
@@ -656,6 +668,7 @@ def _bvhs() -> dict[str, Kind]:
         "positions of nothing": (still, {}),
         "one small position": (bvh_text(moving, glitch.tolist(), period="0.0166667"), {}),
         "noise for positions": (bvh_text(moving, noise.tolist(), period="0.0166667"), {}),
+        "positions of a scene, its reference and a sword": (bvh_text(scene, staged.tolist(), period="0.0166667"), {}),
         "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
         "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),

@@ -27,6 +27,8 @@ METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for w
 _MAX_IN_METRES = 16.0
 #: The size up to which the unit is a centimetre; beyond, it is a millimetre.
 _MAX_IN_CENTIMETRES = 500.0
+#: Frames in which the size is measured, about; and times as far from the middle as half of the joints.
+_LOOKS, _FAR = 256, 8.0
 
 
 @lru_cache(maxsize=256)
@@ -57,8 +59,11 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
     if not len(seen):
         return 1.0
-    boxes = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)
-    size = float(np.median(np.linalg.norm(boxes, axis=1)))
+    some = seen[:: 1 + len(seen) // _LOOKS]
+    away = np.linalg.norm(some - np.nanmedian(some, axis=1, keepdims=True), axis=2)
+    # A reference on the floor, or a thing, is no part of the body.
+    own = np.where((away <= _FAR * np.nanmedian(away))[:, :, None], some, np.nan)
+    size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
     if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
         size *= 5
     if size <= _MAX_IN_METRES:

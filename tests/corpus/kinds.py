@@ -359,7 +359,7 @@ def _tables() -> dict[str, Kind]:
         "two people whose names are the same, over their axes": (_several_rows(NAMES * 2, "XYZ", (["", ""], ["Frame", "Time"]), "first") + _frames(BOTH, lambda place: f"{place},{TIMES[place]:.4f}"), {"people": ("1", "2")}),
         "two people with numbers behind all names": (table(names=[f"{name}{who}" for who in (1, 2) for name in NAMES], positions=BOTH), {"people": ("1", "2")}),
         "a joint twice": (table(names=[*NAMES, "Head"], positions=np.concatenate([BODY, BODY[:, :1]], axis=1)), {"tells": "Head for another time"}),
-        "heads and tails of bones": (table(names=[f"{name}_{end}" for name in NAMES for end in ("head", "tail")], positions=np.stack([BODY, BODY + 0.05], axis=2).reshape(48, 32, 3)), {"tells": "the tails of bones"}),
+        "heads and tails of bones": (table(names=[f"{name}_{end}" for name in NAMES for end in ("head", "tail")], positions=np.stack([BODY, BODY + 0.05], axis=2).reshape(48, 32, 3)), {"tells": "no performer's: Hips_tail"}),
         "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=BOTH, more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people, one never seen": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, np.zeros_like(BODY)], axis=1)), {"people": ("ann",), "tells": "never seen: bob"}),

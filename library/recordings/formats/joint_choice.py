@@ -94,6 +94,9 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
         apart = again or (all(people) and count != _GLUED)
         named = count and apart and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
+            if {*map(str.lower, found)} == {"head", "tail"}:
+                # Blender's bones begin at their joints.
+                return {"": next(each for person, each in found.items() if person.lower() == "head")}
             if len(found) > 2:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)

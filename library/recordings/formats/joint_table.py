@@ -38,8 +38,8 @@ from kinespace.library.recordings.formats.table_header import Header, coordinate
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
 from kinespace.library.skeleton import Skeleton
 
-#: The marks between fields, in the order in which they are tried.
-_MARKS = "\t;|, "
+#: The marks between fields that are tried before blanks.
+_MARKS = "\t;|,"
 #: Lines of which one must have the mark between fields, and lines that may stand above a part's first frame.
 _FRONT = 50
 _MAX_HEAD = 2000
@@ -74,11 +74,6 @@ _MAX_POINT = 120
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot", ".emt")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
-#: What arrays are that are no table.
-_NO_TABLES = {
-    ".npy": "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip",
-    ".npz": "a .npz without the arrays time, positions and joints",
-}
 #: The errors for a file of another kind, or one cut short.
 _DAMAGE = (*memory.DAMAGE, OSError, ValueError)
 
@@ -95,9 +90,7 @@ def is_joint_table(path: Path) -> bool:
 
 
 def why_no_table(path: Path) -> str:
-    """Say what a file lacks to be a table of joints; empty where it is none of the usual mistakes."""
-    if arrays := _NO_TABLES.get(path.suffix.lower()):
-        return arrays
+    """Say what a text lacks to be a table of joints; empty where it is none of the usual mistakes."""
     try:
         _begun(path, memory.MAX_MEMORY)
         front = [*islice(lines_of(path, MAX_LINE, errors="replace"), _FRONT)]
@@ -105,10 +98,11 @@ def why_no_table(path: Path) -> str:
         return f"a table with {error}"
     except _DAMAGE:
         return ""
-    named = ([coordinate_of(cell.strip()) for cell in re.split('[,;|\t"]', line)] for line in front)
+    cells = ([cell.strip() for cell in re.split('[,;|\t"]', line)] for line in front)
+    axes = ({(coordinate_of(cell) or ("", cell.lower()))[1] for cell in each} & {*"xyz"} for each in cells)
     if is_numbers(re.split(r"[,;|\s]+", "".join(front[:1]).strip())):
         return "numbers without a row of names above them, like time, head_x, head_y, head_z"
-    if any({each[1] for each in cells if each} == {"x", "y"} for cells in named):
+    if {"x", "y"} in axes:
         return "columns x and y but no z: 2-D landmarks cannot be compared, their distances are no body's"
     return next(filter(None, map(spoilt, front)), "")
 
@@ -336,13 +330,12 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
 def _begun(path: Path, most: int | None = None) -> str | None:
     """Give the mark by which a text is a table of the most joints, a blank at last; None where it is none."""
     front = "".join(islice(lines_of(path, most, errors="replace"), _FRONT))
-    marks = [mark for mark in _MARKS if mark in front]
+    there = (mark for mark in _MARKS if mark in front)
+    found = ((table.header.rank, mark) for mark in there for table in islice(_tables(path, mark, most), 1))
+    if best := max(found, default=None):
+        return best[1]
     # Blanks stand within names, too.
-    for some in ([mark for mark in marks if mark != " "], [mark for mark in marks if mark == " "]):
-        found = ((table.header.rank, mark) for mark in some for table in islice(_tables(path, mark, most), 1))
-        if best := max(found, default=None):
-            return best[1]
-    return None
+    return " " if next(_tables(path, " ", most), None) else None
 
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:

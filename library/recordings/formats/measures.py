@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
+from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.skeleton import Skeleton
 
 #: Words in recordings, by kind.
@@ -41,10 +42,7 @@ def metres_of(unit: str) -> float | None:
     meant = {METRES[name]} if name in METRES else {each for word, each in METRES.items() if word.startswith(name)}
     if len(meant) == 1 and (name in METRES or len(name) > 2):
         return meant.pop()
-    try:
-        metres = float(name)
-    except ValueError:
-        return None
+    metres = number_of(name) or 0.0
     return metres if 0 < metres < math.inf else None
 
 
@@ -62,7 +60,8 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     some = seen[:: 1 + len(seen) // _LOOKS]
     away = np.linalg.norm(some - np.nanmedian(some, axis=1, keepdims=True), axis=2)
     # A reference on the floor, or a thing, is no part of the body.
-    own = np.where((away <= _FAR * np.nanmedian(away))[:, :, None], some, np.nan)
+    near = away <= _FAR * np.nanmedian(away)
+    own = np.where((near | ~near.any(axis=1, keepdims=True))[:, :, None], some, np.nan)
     size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
     if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
         size *= 5

@@ -43,11 +43,7 @@ _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LE
     frozenset(WORDS["columns"][kind])
     for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places", "no_lengths")
 )
-_PERSON = re.compile(
-    r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
-    r"character|dancer|entity|avatar)"
-    r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
-)
+_PERSON = re.compile(rf"({'|'.join(WORDS['columns']['people'])})( ?(id|ids|idx|index|nr|no|number|name))?|p?id")
 #: Joints that a row must name without axes, at least one more.
 _FEW = 2
 #: Rows above the first frame that may name joints.
@@ -56,7 +52,6 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
 _ROOT = re.compile(r"(.+):\1")
-_BONE, _TAIL = (re.compile(rf"(.+)[\W_]{end}", re.IGNORECASE) for end in ("head", "tail"))
 _RATE = re.compile(
     r"((export|camera|capture|recording|video|(stream )?nominal) )?"
     r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
@@ -188,15 +183,11 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
                 measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
-        # Unity's vectors forward come with those up and to the right.
         ahead = any(words_of(joint)[-1:] == ["forward"] for joint in whole)
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures
-            or _is_no_place(joint)
-            or (turns and len(axes) == 4)
-            or (ahead and words_of(joint)[-1:] in (["forward"], ["up"], ["right"]))
+            if joint in measures or _is_no_place(joint, ahead=ahead) or (turns and len(axes) == 4)
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
@@ -208,8 +199,13 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     return best
 
 
-def _is_no_place(name: str) -> bool:
-    """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place."""
+def _is_no_place(name: str, *, ahead: bool) -> bool:
+    """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place.
+
+    Where there are vectors ahead (Unity's `forward`) there may be others up and to the right.
+    """
+    if ahead and words_of(name)[-1:] in (["forward"], ["up"], ["right"]):
+        return True
     ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
     return bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
@@ -224,8 +220,9 @@ def _apart(found: Mapping[str, _Places]) -> tuple[_Columns, list[str]]:
         for person in people
         for joint, (x, y, z) in axes.items()
     }
-    again = [joint for joint, three in axes.items() if len(people) == 1 < max(map(len, three))]
-    return joints, [f"{joint} for another time" for joint in again]
+    return joints, [
+        f"{name} for another time" for name, three in axes.items() if len(people) == 1 < max(map(len, three))
+    ]
 
 
 def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
@@ -339,17 +336,16 @@ def _header(
     alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
     named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
     named += [metres_of(units.pop())] if len(units) == 1 else []
-    bare = _plain(joints)
     return Header(
         [name.strip().strip("#").strip() for name in names],
-        bare,
+        _plain(joints),
         [*times, *(column for column in frames if column not in times)],
         people,
         [column for column in words if column not in {*times, *frames, *people}],
         [column for column, each in words.items() if _LABELS & {*each}],
         next((rate for rate in (*rates, *reversed(alone)) if rate > 1), 0.0),
         next((each for each in named if each), None),
-        [*others, *["the tails of bones"] * (len(bare) < len(joints))],
+        others,
         (any(row and row[0].lower() == "trajectories" for row in rows), len(joints)),
     )
 
@@ -369,10 +365,6 @@ def _plain(joints: _Columns) -> _Columns:
     """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
-    bones = {name[1]: axes for joint, axes in found.items() if (name := _BONE.fullmatch(joint))}
-    if 2 * len(bones) == len(found) == sum(bool(_TAIL.fullmatch(joint)) for joint in found) * 2:
-        # Blender's bones begin at their joints.
-        found = bones
     front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
     if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
         bare = {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}

@@ -44,8 +44,7 @@ def _opened(content: bytes) -> Any:  # noqa: ANN401 - the package has no types
         def _check_metadata(self) -> None:
             pass
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return Lenient(io.BytesIO(content))
 
 

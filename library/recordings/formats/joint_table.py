@@ -363,7 +363,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
             table.take(path, line, cells)
-    if table is None and (header := header_of(head)):
+    if table is None and (header := header_of(head)) and len(header.joints) > 1:
         yield _Table(header, [], line)
 
 

@@ -1,6 +1,7 @@
 """The joints or markers that are wanted of a file, and their names."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -81,6 +82,8 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
     Behind a colon a name must stand twice; beside other marks what is left must name a body for each person. All labels
     are one person's otherwise, who has no name.
     """
+    if len({*Counter(labels).values()}) == 1:
+        labels = [f"{labels[:place].count(label)}:{label}".removeprefix("0:") for place, label in enumerate(labels)]
     for count in (0, 1, 2, 3, -1, _GLUED):
         people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
@@ -90,14 +93,14 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
         twice = not count and sum(map(len, rests)) > len(set().union(*rests))
         found = {person: each for person, each in people.items() if len(each) > 1}
         # Of names that stand there again, the first have no number.
-        again = count < 0 and all(each == rests[0] for each in rests)
+        again = count <= 0 and all(each == rests[0] for each in rests)
         apart = again or (all(people) and count != _GLUED)
         named = count and apart and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
             if {*map(str.lower, found)} == {"head", "tail"}:
                 # Blender's bones begin at their joints.
                 return {"": next(each for person, each in found.items() if person.lower() == "head")}
-            if len(found) > 2:
+            if len(found) > 2 and not again:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)
             return {person or "0": each for person, each in found.items()} if again else found

@@ -194,8 +194,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):
             places, others = world, others + [joint for joint in places if joint not in world]
         if len(places) > len(best[0]):
-            joints, again = _apart({joint: whole[joint] for joint in places})
-            best = joints, [*others, *again], units - {""}
+            best = _apart({joint: whole[joint] for joint in places}), others, units - {""}
     return best
 
 
@@ -210,19 +209,12 @@ def _is_no_place(name: str, *, ahead: bool) -> bool:
     return bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
-def _apart(found: Mapping[str, _Places]) -> tuple[_Columns, list[str]]:
-    """Give x, y and z of each joint, and joints that stand there again; where all do they are people's (`1:head`)."""
-    axes = {joint: [each[axis] for axis in sorted({*each} - {"w"})[:3]] for joint, each in found.items()}
-    counts = {len(places) for three in axes.values() for places in three}
-    people = range(counts.pop() if len(counts) == 1 < len(axes) else 1)
-    joints = {
-        f"{person + 1}:{joint}" if len(people) > 1 else joint: (x[person], y[person], z[person])
-        for person in people
-        for joint, (x, y, z) in axes.items()
-    }
-    return joints, [
-        f"{name} for another time" for name, three in axes.items() if len(people) == 1 < max(map(len, three))
-    ]
+def _apart(found: Mapping[str, _Places]) -> _Columns:
+    """Give x, y and z of each joint; a joint that stands there again may be another person's (`1:head`)."""
+    each = {joint: [axes[axis] for axis in sorted({*axes} - {"w"})[:3]] for joint, axes in found.items()}
+    threes = ((joint, *place) for joint, axes in each.items() for place in enumerate(zip(*axes, strict=False)))
+    # One name for all is no joint's.
+    return {f"{n}:{joint}" if n else joint: (x, y, z) for joint, n, (x, y, z) in threes if not n or len(found) > 1}
 
 
 def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
@@ -300,10 +292,10 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         joints.setdefault(named[column], {}).setdefault(axes[column], []).append(column)
     joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
     others = [joint for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}]
-    whole, twice = _apart({joint: each for joint, each in joints.items() if joint not in others})
+    whole = _apart({joint: each for joint, each in joints.items() if joint not in others})
     units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    return _header(rows[:place], names, whole, [*others, *twice], units - {""}) if len(whole) > 1 else None
+    return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
 
 
 def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str]:

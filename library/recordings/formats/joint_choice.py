@@ -88,7 +88,7 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
         people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
             person, rest = _cut(label, count) if count else label.rpartition(":")[::2]
-            people.setdefault(person, {})[place] = rest
+            people.setdefault(person.strip("()[]"), {})[place] = rest
         rests = [{*each.values()} for each in people.values()]
         twice = not count and sum(map(len, rests)) > len(set().union(*rests))
         found = {person: each for person, each in people.items() if len(each) > 1}

@@ -17,8 +17,8 @@ from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_of, words_of
 
-#: What stands behind an axis: a word for a place, a unit or another word.
-_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:[\W_]+(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
+#: What stands behind an axis: a word for a place, a unit or another word, or a number without a mark.
+_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
@@ -206,7 +206,9 @@ def _is_no_place(name: str, *, ahead: bool) -> bool:
     if ahead and words_of(name)[-1:] in (["forward"], ["up"], ["right"]):
         return True
     ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
-    return bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
+    # ROS puts `field.` in front of all its names.
+    is_field = name.lower() == "field"
+    return is_field or bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
 def _apart(found: Mapping[str, _Places]) -> _Columns:

@@ -126,8 +126,11 @@ def is_value(name: str) -> bool:
 def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
     for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
+        row = rows[place]
+        if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
+            row = row[1:]
         # R names no column for the numbers of its rows.
-        row = _continued(["", *rows[place]] if len(rows[place]) == len(first) - 1 and first[-1] else rows[place])
+        row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
         if row and row[0].strip() == "MARKER_NAMES":
             front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
             # A tab may stand at a line's end, too.

@@ -132,11 +132,11 @@ def instead_of_recording(path: Path) -> str:
     """Describe a file that is no recording."""
     if other := _another(path):
         return other
-    if why := joint_table.why_no_table(path) if path.suffix.lower() in (*_TABLES, ".npy") else "":
-        return why
-    if path.suffix.lower() in _TABLES:
-        return f"a {path.suffix} without joints' positions: columns like time, head_x, head_y, head_z"
-    return WORDS["endings"].get(path.suffix.lower(), path.suffix) or "no ending"
+    ending = path.suffix.lower()
+    if ending in joint_table.TEXTS:
+        why = joint_table.why_no_table(path)
+        return why or f"a {ending} without joints' positions: columns like time, head_x, head_y, head_z"
+    return WORDS["endings"].get(ending, path.suffix) or "no ending"
 
 
 def paths_of(given: str | Path | Iterable[str | Path]) -> list[Path]:
@@ -300,13 +300,8 @@ def labelled(clip: Clip, path: Path, actor_in: ActorIn = ActorIn.NOWHERE) -> Cli
 
 def performed(clip: Clip, path: Path, actor_in: ActorIn) -> Clip:
     """Give a clip the actor that its path names; where the path names none, the clip keeps its actor."""
-    match actor_in:
-        case ActorIn.NOWHERE:
-            return clip
-        case ActorIn.NAME:
-            return replace(clip, actor=path.stem.partition("_")[0])
-        case ActorIn.FOLDER:
-            return replace(clip, actor=path.absolute().parent.parent.name)
+    named = {ActorIn.NAME: path.stem.partition("_")[0], ActorIn.FOLDER: path.absolute().parent.parent.name}
+    return replace(clip, actor=named.get(actor_in, clip.actor))
 
 
 def clips_of(take: Clip, labels: str | Path | Iterable[tuple[float, float, str]]) -> list[Clip]:

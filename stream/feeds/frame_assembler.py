@@ -134,9 +134,6 @@ class FrameAssembler:
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
         self._targets = preset.sent
-        #: Whether joints may never come.
-        self._takes_some = bool(preset.bones) or preset.closings.some
-        self._guessed = preset.guessed
         #: The joints that a performer's sender sends are nearly always the same.
         self._named = lru_cache(MAX_PERFORMERS)(self._known)
         self._axes = np.array([axis for axis, _ in preset.axes])
@@ -174,7 +171,7 @@ class FrameAssembler:
                 continue
             if reading is None:
                 self.counts.foreign += 1
-            elif reading.means not in (Means.NAME, Means.ORDER):
+            elif reading.means not in (Means.NAME, Means.ORDER, Means.NOTHING):
                 touched |= dict.fromkeys(self._take(reading, packet))
         if bundle:
             for name in touched:
@@ -238,9 +235,8 @@ class FrameAssembler:
 
     def _new_body(self, name: str, reading: Reading, packet: _Packet) -> _Body | None:
         """Begin a performer, if the message has joints and there is room."""
-        if reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings):
-            return None
-        if reading.means in (Means.BEGIN, Means.END) or not reading.present:
+        is_empty = reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings)
+        if is_empty or reading.means in (Means.BEGIN, Means.END) or not reading.present:
             return None
         if len(self._bodies) >= MAX_PERFORMERS:
             self.counts.no_room += 1
@@ -311,7 +307,7 @@ class FrameAssembler:
             body.open
             and Closing.BUNDLE in self.preset.closings.by
             and len(body.open) >= self._coming(body)
-            and (self._takes_some or self._has_all(body.seen))
+            and (self.preset.bones or self.preset.closings.some or self._has_all(body.seen))
         ):
             self._close(name, body, Closing.BUNDLE)
 
@@ -334,7 +330,7 @@ class FrameAssembler:
         # A number that overflows is impossibly far, and is refused as such.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = np.array([places[target] for target in targets])[:, self._axes] * self._metres
-        if self._guessed:
+        if self.preset.guessed:
             positions = body_of(self._targets, positions)
         try:
             frame = Frame(name, moment, positions)

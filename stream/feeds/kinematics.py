@@ -61,7 +61,7 @@ def world_positions(
         own = _unit(rotation)
         if bone.parent:
             above = turned[bone.parent]
-            position = _added(placed[bone.parent], _rotated(above, position))
+            position = _moved(placed[bone.parent], above, position)
             own = _product(above, own)
         placed[name] = position
         turned[name] = own
@@ -69,26 +69,20 @@ def world_positions(
 
 
 def _unit(rotation: Quaternion | None) -> Quaternion:
-    if rotation is None:
-        return _UPRIGHT
-    length = math.hypot(*rotation)
+    length = math.hypot(*rotation or ())
     # Numbers smaller or larger than this have no direction: they are a sender's mistake.
-    if not 1e-9 < length < 1e9:
+    if rotation is None or not 1e-9 < length < 1e9:
         return _UPRIGHT
     x, y, z, w = rotation
     return x / length, y / length, z / length, w / length
 
 
-def _added(first: Vector, second: Vector) -> Vector:
-    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
-
-
-def _rotated(rotation: Quaternion, vector: Vector) -> Vector:
-    x, y, z, w = rotation
-    a, b, c = vector
+def _moved(place: Vector, rotation: Quaternion, vector: Vector) -> Vector:
+    """Add a vector that is rotated to a place."""
+    (i, j, k), (a, b, c), (x, y, z, w) = place, vector, rotation
     # v + w t + q × t with t = 2 q × v
     p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
+    return i + (a + w * p + y * r - z * q), j + (b + w * q + z * p - x * r), k + (c + w * r + x * q - y * p)
 
 
 def _product(first: Quaternion, second: Quaternion) -> Quaternion:

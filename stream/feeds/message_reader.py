@@ -163,11 +163,9 @@ class Mapper:
         starts, names = way.starts(arguments), way.joint_names(arguments) or self._order
         if len(starts) > len(names):
             return None
-        taught_for, sightings = performer if self._taught else None, list[Sighting]()
-        for start, name in zip(starts, names, strict=False):
-            if joint := self._resolved(name, taught_for):
-                sightings.append(self._sighting(way, arguments, start, joint))
-        return sightings
+        taught_for = performer if self._taught else None
+        named = ((start, self._resolved(name, taught_for)) for start, name in zip(starts, names, strict=False))
+        return [self._sighting(way, arguments, start, joint) for start, joint in named if joint]
 
     def _resolve(self, name: str, performer: str | None) -> str | None:
         known = self._taught.get((performer, name)) or self._taught.get((None, name)) or name

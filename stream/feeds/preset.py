@@ -63,6 +63,8 @@ class Means(StrEnum):
     NAME = "name"
     #: The order of the joints in messages with all of them.
     ORDER = "order"
+    #: Nothing for a frame: turns, speeds and the like, whose addresses look like a joint's.
+    NOTHING = "nothing"
 
 
 class Closing(StrEnum):

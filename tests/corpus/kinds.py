@@ -163,6 +163,15 @@ def _motive_markers() -> str:
     )
 
 
+def _results() -> str:
+    """Give angles and places of a model side by side, told apart by a row above the names."""
+    head = "# ,Joint Angle,,,,,,Joint Coordinate,,,\n# ,,,x = flexion,,,,###O = Origin,,,\n"
+    names = _several_rows([*NAMES[:2], *NAMES], "XYZ", (["# "], ["# frame num"]), "first")
+    return (
+        head + names + _frames(np.concatenate([100 * BODY[:, :2], 1000 * BODY], axis=1), lambda place: f"{place:.9f}")
+    )
+
+
 def _rigid() -> str:
     """Motive's rigid bodies: each of their markers stands there as the body's, and as it was measured."""
     names = [f"{who}:Marker {number}" for who in ("Front", "Back") for number in (1, 2)]
@@ -322,9 +331,18 @@ def _tables() -> dict[str, Kind]:
         "times in ms by name": (table(clock="time_ms", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
         "times in ms, misspelled": (table(clock="Miliseconds", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
         "times that stand, a nominal rate": (table(first="Software : LSL_Kinect,Stream nominal rate : 60,Task : a\n\n", times=['"1,594038E+12"'] * len(BODY)), {}),
+        "a comment's mark before the names, blanks": ("% " + table(mark=" "), {"ending": "txt"}),
+        "a comment's mark before the names, tabs": ("%\t" + table(mark="\t"), {"ending": "txt"}),
+        "slashes before the names, blanks": ("// " + table(mark=" "), {"ending": "txt"}),
+        "numbers of no joint": ("time,left arm angle,hip value\n" + _lines([f"{time:.4f}", "1.0", "2.0"] for time in TIMES[:3]), {"reads": False, "tells": "without joints' positions"}),
+        "three names in brackets": (_points("({:.4f}, {:.4f}, {:.4f})").replace(",".join(NAMES), ",".join(f"({name}PosX,{name}PosY,{name}PosZ)" for name in NAMES)), {}),
+        "three names in brackets, another mark before them": (re.sub("(?m)^([^,]+),", r"\1;", _points("({:.4f}, {:.4f}, {:.4f})").replace(",".join(NAMES), ",".join(f"({name}PosX,{name}PosY,{name}PosZ)" for name in NAMES))), {}),
+        "a magnetic field": (table(names=[*NAMES, "field"], positions=np.concatenate([BODY, 20 * BODY[:, :1] + 7], axis=1)), {"tells": "no positions: field"}),
+        "directions of an engine": (table(names=[f"{name}_{end}" for name in NAMES for end in ("position", "forward", "up")], positions=np.stack([BODY, BODY * 0.1 + 0.9, BODY * 0.2 + 0.8], axis=2).reshape(48, 48, 3)), {"tells": "no positions: Hips_forward"}),
         "three names in a field": (_names_together(), {}),
         "three names in a field, in another order": (_names_together("XZY"), {}),
         "three names in a field, with blanks": (_names_together("XYZ", "{} {}", ", "), {}),
+        "times of five digits": (table(times=[f"{time:.5g}" for time in TIMES]), {}),
         "times with a unit in brackets": (table(clock="Time (Seconds)"), {}),
         "elapsed ms": (table(clock="elapsedMs", times=_times(1e3)), {"near": 2e-3}),
         "microseconds": (table(clock="timestamp", times=_times(1e6, 5_000_000)), {}),
@@ -341,6 +359,14 @@ def _tables() -> dict[str, Kind]:
         "two people": (_two("person_id", "frame", ("1", "2")), {"rate": 30.0, "tells": "frame numbers", "people": ("1", "2")}),
         "two people with times": (_two("id", "time", ("1", "2")), {"people": ("1", "2")}),
         "two people in columns": (_beside(), {"rate": 30.0, "tells": "times: none", "people": ("ann", "bob")}),
+        "two people with numbers behind axes": (table(head=lambda name, axis: f"{name.removesuffix('*')}_{axis}{1 + name.endswith('*')}", names=[*NAMES, *(f"{name}*" for name in NAMES)], positions=BOTH), {"people": ("1", "2")}),
+        "two people with numbers in brackets": (table(names=[f"{name} ({who})" for who in (1, 2) for name in NAMES], positions=BOTH), {"people": ("1", "2")}),
+        "two people whose names are the same": (table(names=NAMES * 2, positions=BOTH), {"people": ("0", "1")}),
+        "two people whose names are the same, joint by joint": (table(names=[name for name in NAMES for _ in (1, 2)], positions=np.stack([BODY, OTHER], axis=2).reshape(48, 32, 3)), {"people": ("0", "1")}),
+        "two people whose names are the same, over their axes": (_several_rows(NAMES * 2, "XYZ", (["", ""], ["Frame", "Time"]), "first") + _frames(BOTH, lambda place: f"{place},{TIMES[place]:.4f}"), {"people": ("0", "1")}),
+        "two people with numbers behind all names": (table(names=[f"{name}{who}" for who in (1, 2) for name in NAMES], positions=BOTH), {"people": ("1", "2")}),
+        "a joint twice": (table(names=[*NAMES, "Head"], positions=np.concatenate([BODY, BODY[:, :1]], axis=1)), {"tells": "no performer's: 1:Head"}),
+        "heads and tails of bones": (table(names=[f"{name}_{end}" for name in NAMES for end in ("head", "tail")], positions=np.stack([BODY, BODY + 0.05], axis=2).reshape(48, 32, 3)), {"tells": "no performer's: Hips_tail"}),
         "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=BOTH, more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people, one never seen": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, np.zeros_like(BODY)], axis=1)), {"people": ("ann",), "tells": "never seen: bob"}),
@@ -374,6 +400,8 @@ def _tables() -> dict[str, Kind]:
         "the last line is cut": (table()[:-60], {"frames": slice(-1), "tells": "cut off"}),
         "Motive": (_motive(), {}),
         "Motive's markers by number": (_motive_markers(), {}),
+        "Motive's markers without titles": (re.sub("(?m)^,(Type|Name|ID)", ",", _motive_markers()).replace(",7", "".join(f",{number}" for number in range(1, 17) for _ in "xyz"), 1).replace(",7", ""), {}),
+        "results, angles first": (_results(), {"rate": 30.0, "tells": "frame numbers"}),
         "Vicon Nexus": (_vicon(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(BODY, str), {"rate": 30.0, "tells": "times: none"}),
@@ -572,6 +600,7 @@ def _trcs() -> dict[str, Kind]:
         "the header's values beside their names": (trc().replace(trc().split("\n", 3)[1], "DataRate\t60\tNumFrames\t48\tUnits\tmm").replace(trc().split("\n", 3)[2], ""), {}),
         "a label thrice": (trc().replace(heads + "\t\t", "\t".join(name for name in NAMES for _ in range(3))), {}),
         "blank lines, comments": ("\n# made by a tool\n" + trc().replace("\n", "\n\n"), {}),
+        "names two tabs apart, times of five digits": (re.sub(r"0\.\d{6,}", lambda time: f"{float(time[0]):.5g}", trc().replace("\t\t\t", "\t\t").replace("Time\t", "Times\t\t").replace("\n\t\tX1", "\n\t\t\tX1")), {}),
         "commas between": (trc().replace("\t", ","), {}),
         "an empty line of commas": (trc().replace("\n1\t", "\n" + "\t" * 50 + "\n1\t", 1).replace("\t", ","), {}),
         "markers that are named and never written": (trc().replace(heads, heads + "\t\t\tV_Mid_Hip\t\t\tV_Head"), {}),
@@ -620,6 +649,18 @@ def _bvhs() -> dict[str, Kind]:
     glitch[20, 7] = 0.01
     noise[:, 6:9] = 1e-7
     head, motion = plain.split("Frame Time")
+    scene, staged = _bvh_body(moves=True)
+    for node in scene.all():
+        node.offset = (100 * node.offset[0], 100 * node.offset[1], 100 * node.offset[2])
+    staged[:, :3] *= 100
+    staged[:, 0] += 800
+    scene = Node(
+        "Reference",
+        (0.0, 0.0, 0.0),
+        (*MOVES, *TURNS),
+        [scene, Node("Sword", (750.0, 0.0, 0.0), TURNS, [Node("SwordTip", (0.0, 90.0, 0.0))])],
+    )
+    staged = np.hstack([np.tile([-800.0, 0, 0, 0, 0, 0], (48, 1)), staged, np.zeros((48, 3))])
     twice = plain.replace("MOTION", plain.removeprefix("HIERARCHY\n").partition("MOTION")[0] + "MOTION")
     texts = {
         "plain": (plain, {}),
@@ -634,6 +675,7 @@ def _bvhs() -> dict[str, Kind]:
         "positions of nothing": (still, {}),
         "one small position": (bvh_text(moving, glitch.tolist(), period="0.0166667"), {}),
         "noise for positions": (bvh_text(moving, noise.tolist(), period="0.0166667"), {}),
+        "positions of a scene, its reference and a sword": (bvh_text(scene, staged.tolist(), period="0.0166667"), {}),
         "a name twice": (plain.replace("JOINT RightLeg", "JOINT LeftLeg"), {"tells": "twice: LeftLeg", "lacking": ("RightLeg",)}),
         "comments": ("# made by a tool\n" + plain.replace("MOTION", "// its frames\nMOTION"), {}),
         "scales beside positions": (bvh_text(moving, moved.tolist(), period="0.0166667").replace("CHANNELS 6", "CHANNELS 7 Xscale", 1).replace("\n0.1", "\n1 0.1"), {}),
@@ -778,6 +820,7 @@ def _c3ds() -> dict[str, Kind]:
         "frames modulo 65,536": (c3d(positions=many, labels=NAMES[:2], whole=True, said=72_000 - 65_536), {"tells": "there are 72000", "names": ()}),
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
         "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=BOTH), {"people": ("A", "B")}),
+        "two people whose labels are the same": (c3d(labels=NAMES * 2, positions=BOTH), {"people": ("0", "1")}),
         "two people, one never seen": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, np.full_like(BODY, np.nan)], axis=1)), {"people": ("A",), "tells": "never seen: B"}),
         "no last frame in the header": (_at(8, b"\0\0"), {"tells": "the header says 0"}),
         "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),
@@ -790,6 +833,7 @@ def _c3ds() -> dict[str, Kind]:
         "a name that goes on behind a NUL": (c3d(labels=[name.ljust(14, "\0") for name in NAMES]).replace(b"Head\0\0\0", b"Head\0zz"), {}),
         "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),
         "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {"tells": "without a name"}),
+        "more points in the header, and matrices behind": (_at(2, b"\x54\0", _theia(NAMES)), {}),
         "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip

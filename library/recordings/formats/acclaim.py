@@ -11,7 +11,7 @@ from array import array
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import accumulate, product
 from pathlib import Path
 
 import numpy as np
@@ -22,17 +22,13 @@ from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings.formats.errors import Line, RecordingError, numbers_in, positive_in, refuse
 from kinespace.library.recordings.formats.joint_choice import few
-from kinespace.library.recordings.formats.measures import with_missing_frames
+from kinespace.library.recordings.formats.measures import METRES, with_missing_frames
 from kinespace.library.recordings.formats.rotations import placed, turns
 from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.skeleton import Skeleton
 
-METRES_PER_INCH = 0.0254
 #: HDM05's and CMU's rate, assumed of an AMC that names no rate.
 DEFAULT_FRAME_RATE = 120.0
-
-#: Keywords of an AMC that name its unit of angles, deg or rad.
-_UNITS = {":degrees": "deg", ":radians": "rad"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +158,7 @@ def _units_in(units: Mapping[str, _Line]) -> tuple[float, str]:
     unit = angle.words[-1].lower() if angle else "deg"
     if angle and unit not in ("deg", "rad"):
         angle.fail(f"expected angle deg or rad, got {unit!r}")
-    return METRES_PER_INCH / inches, unit
+    return METRES["in"] / inches, unit
 
 
 def _root(lines: Mapping[str, _Line], metres: float, angle: str) -> Bone:
@@ -211,7 +207,7 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> tuple[NDArray[np.float64], N
             numbers.append(int(word))
             unseen = set(places)
         elif word.startswith(":"):
-            angle = _UNITS.get(word.lower(), angle)
+            angle = {":degrees": "deg", ":radians": "rad"}.get(word.lower(), angle)
             if word.lower() == ":samples-per-second":
                 rate = positive_in(words[1:2], path, line, "frame rate")
         else:
@@ -227,12 +223,8 @@ def _read_amc(path: Path, body: AcclaimSkeleton) -> tuple[NDArray[np.float64], N
 
 
 def _channel_places(body: AcclaimSkeleton) -> Mapping[str, slice]:
-    places, start = {}, 0
-    for bone in body.bones:
-        if bone.channels:
-            places[bone.name] = slice(start, start + len(bone.channels))
-            start += len(bone.channels)
-    return places
+    each = zip(body.bones, accumulate(len(bone.channels) for bone in body.bones), strict=True)
+    return {bone.name: slice(end - len(bone.channels), end) for bone, end in each if bone.channels}
 
 
 def _check(path: Path, numbers: NDArray[np.int64]) -> None:

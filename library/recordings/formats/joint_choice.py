@@ -1,6 +1,7 @@
 """The joints or markers that are wanted of a file, and their names."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -20,6 +21,8 @@ _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*
 _NUMBER = re.compile(r"\d+[ _\-.)]+(?=[^\W\d])")
 #: A mark between words.
 _MARK = re.compile(r"[ _\-./]+")
+#: Where a person's number has no mark before it.
+_GLUED = -2
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
 
@@ -74,24 +77,30 @@ def restricted(clip: Clip, wanted: Sequence[str]) -> Clip:
 
 
 def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
-    """Give the places of each person's labels, and these without the person: `ann:Hips`, `person_1_Hips`, `Hips.B`.
+    """Give the places of each person's labels, and these without the person: `ann:Hips`, `p_1_Hips`, `Hips.B`, `Hips2`.
 
     Behind a colon a name must stand twice; beside other marks what is left must name a body for each person. All labels
     are one person's otherwise, who has no name.
     """
-    for count in (0, 1, 2, 3, -1):
+    if len({*Counter(labels).values()}) == 1:
+        labels = [f"{labels[:place].count(label)}:{label}".removeprefix("0:") for place, label in enumerate(labels)]
+    for count in (0, 1, 2, 3, -1, _GLUED):
         people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
             person, rest = _cut(label, count) if count else label.rpartition(":")[::2]
-            people.setdefault(person, {})[place] = rest
+            people.setdefault(person.strip("()[]"), {})[place] = rest
         rests = [{*each.values()} for each in people.values()]
         twice = not count and sum(map(len, rests)) > len(set().union(*rests))
         found = {person: each for person, each in people.items() if len(each) > 1}
         # Of names that stand there again, the first have no number.
-        again = count < 0 and all(each == rests[0] for each in rests)
-        named = count and (all(people) or again) and all(Naming().read([*each]).convention for each in rests)
+        again = count <= 0 and all(each == rests[0] for each in rests)
+        apart = again or (all(people) and count != _GLUED)
+        named = count and apart and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
-            if len(found) > 2:
+            if {*map(str.lower, found)} == {"head", "tail"}:
+                # Blender's bones begin at their joints.
+                return {"": next(each for person, each in found.items() if person.lower() == "head")}
+            if len(found) > 2 and not again:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)
             return {person or "0": each for person, each in found.items()} if again else found
@@ -99,7 +108,12 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
 
 
 def _cut(label: str, count: int) -> tuple[str, str]:
-    """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part."""
+    """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part.
+
+    `_GLUED`: its last digit (`Spine12` is the second person's `Spine1`).
+    """
+    if count == _GLUED:
+        return (label[-1], label[:-1]) if label[-1:].isdecimal() else ("", label)
     marks = [*_MARK.finditer(label)]
     if len(marks) < abs(count):
         return "", label

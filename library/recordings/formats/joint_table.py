@@ -38,8 +38,8 @@ from kinespace.library.recordings.formats.table_header import Header, coordinate
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
 from kinespace.library.skeleton import Skeleton
 
-#: The marks between fields, in the order in which they are tried.
-_MARKS = "\t;|, "
+#: The marks between fields that are tried before blanks.
+_MARKS = "\t;|,"
 #: Lines of which one must have the mark between fields, and lines that may stand above a part's first frame.
 _FRONT = 50
 _MAX_HEAD = 2000
@@ -65,19 +65,15 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), such a
+#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), or
+#: names, such a
 #: number, and the characters of such a field, at most.
-_BRACKETS = re.compile(r"[(\[{][-+\d.,;:='\"\sxyzeEnaNA]{1,120}[)\]}]")
+_BRACKETS = re.compile(r"[(\[{](?:[-+\d.,;:='\"\sxyzeEnaNA]{1,120}|\w+(?:[,;] ?\w+){2})[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot", ".emt")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
-#: What arrays are that are no table.
-_NO_TABLES = {
-    ".npy": "a bare array without times and joint names: np.savez them as `kinespace convert` does, or make a Clip",
-    ".npz": "a .npz without the arrays time, positions and joints",
-}
 #: The errors for a file of another kind, or one cut short.
 _DAMAGE = (*memory.DAMAGE, OSError, ValueError)
 
@@ -94,9 +90,7 @@ def is_joint_table(path: Path) -> bool:
 
 
 def why_no_table(path: Path) -> str:
-    """Say what a file lacks to be a table of joints; empty where it is none of the usual mistakes."""
-    if arrays := _NO_TABLES.get(path.suffix.lower()):
-        return arrays
+    """Say what a text lacks to be a table of joints; empty where it is none of the usual mistakes."""
     try:
         _begun(path, memory.MAX_MEMORY)
         front = [*islice(lines_of(path, MAX_LINE, errors="replace"), _FRONT)]
@@ -104,10 +98,11 @@ def why_no_table(path: Path) -> str:
         return f"a table with {error}"
     except _DAMAGE:
         return ""
-    named = ([coordinate_of(cell.strip()) for cell in re.split('[,;|\t"]', line)] for line in front)
+    cells = ([cell.strip() for cell in re.split('[,;|\t"]', line)] for line in front)
+    axes = ({(coordinate_of(cell) or ("", cell.lower()))[1] for cell in each} & {*"xyz"} for each in cells)
     if is_numbers(re.split(r"[,;|\s]+", "".join(front[:1]).strip())):
         return "numbers without a row of names above them, like time, head_x, head_y, head_z"
-    if any({each[1] for each in cells if each} == {"x", "y"} for cells in named):
+    if {"x", "y"} in axes:
         return "columns x and y but no z: 2-D landmarks cannot be compared, their distances are no body's"
     return next(filter(None, map(spoilt, front)), "")
 
@@ -324,20 +319,23 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
                 raise csv.Error("a quotation mark that does not end on its line")
             # What stands in brackets is one field, without quotation marks, too.
             has_brackets = "(" in line or "[" in line or "{" in line
-            yield _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line) if has_brackets else line
+            one = _BRACKETS.sub(lambda several: several[0].replace(mark, " "), line) if has_brackets else line
+            yield one.replace(";(", f"{mark}(")
 
     if mark == " ":
-        return (line.replace('"', "").lstrip("# ").split() for line in whole())
+        return (line.replace('"', "").lstrip("#%/ ").split() for line in whole())
     return csv.reader(whole(), delimiter=mark, skipinitialspace=True)
 
 
 def _begun(path: Path, most: int | None = None) -> str | None:
     """Give the mark by which a text is a table of the most joints, a blank at last; None where it is none."""
     front = "".join(islice(lines_of(path, most, errors="replace"), _FRONT))
-    found = (
-        (table.header.rank, mark) for mark in _MARKS if mark in front for table in islice(_tables(path, mark, most), 1)
-    )
-    return max(found, key=lambda each: (each[1] != " ", each[0]), default=(None, None))[1]
+    there = (mark for mark in _MARKS if mark in front)
+    found = ((table.header.rank, mark) for mark in there for table in islice(_tables(path, mark, most), 1))
+    if best := max(found, default=None):
+        return best[1]
+    # Blanks stand within names, too.
+    return " " if next(_tables(path, " ", most), None) else None
 
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
@@ -365,7 +363,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
             table.take(path, line, cells)
-    if table is None and (header := header_of(head)):
+    if table is None and (header := header_of(head)) and len(header.joints) > 1:
         yield _Table(header, [], line)
 
 
@@ -454,7 +452,8 @@ def _spread(row: Sequence[str], points: Collection[int], axes: str = "") -> list
 
 def _three_names(cell: str, axes: str) -> list[str]:
     """Name a column for each axis: a joint's, or the three that stand there: `head_x,head_y,head_z`."""
-    named = [coordinate_of(part.strip()) or ("", "") for part in re.split("[,;|]", cell)]
+    parts = re.split("[,;|]", cell) if re.search("[,;|]", cell) else cell.strip("()[]{}").split()
+    named = [coordinate_of(part.strip()) or ("", "") for part in parts]
     if len({joint for joint, _ in named}) == 1 and sorted(axis for _, axis in named) == sorted(axes):
         return [f"{joint}_{axis}" for joint, axis in named]
     return [f"{cell}_{axis}" for axis in axes]

@@ -9,6 +9,7 @@ import csv
 import json
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -130,19 +131,14 @@ def _of_boris(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     points = {each["code"] for each in project.get("behaviors_conf", {}).values() if each["type"].startswith("Point")}
     if len(observations) != 1:
         raise LabelError(f"{path}: expected one observation, got {len(observations)}")
-    begun, events = dict[tuple[str, str], float](), sorted(observations[0]["events"], key=lambda event: event[0])
-    for number, (time, subject, behaviour, *_) in enumerate(events, 1):
-        since = begun.pop((subject, behaviour), None)
-        if behaviour in points:
-            continue
-        if since is None:
-            begun[subject, behaviour] = time
-        else:
-            named = "" if subject == _NOBODY else subject
-            yield _segment(path, number, [str(since), str(time)], behaviour, named)
-    if begun:
-        (subject, behaviour), since = begun.popitem()
-        raise LabelError(f"{path}: expected an end of {behaviour!r} of {subject}, which begins at {since} s")
+    times = defaultdict[tuple[str, str], list[float]](list)
+    for time, subject, behaviour, *_ in sorted(observations[0]["events"], key=lambda event: event[0]):
+        times[subject, behaviour] += [time] * (behaviour not in points)
+    for (subject, behaviour), moments in times.items():
+        if len(moments) % 2:
+            raise LabelError(f"{path}: expected an end of {behaviour!r} of {subject}, which begins at {moments[-1]} s")
+        for number, both in enumerate(zip(moments[::2], moments[1::2], strict=True), 1):
+            yield _segment(path, number, [*map(str, both)], behaviour, "" if subject == _NOBODY else subject)
 
 
 _READERS = {".eaf": _of_elan, ".boris": _of_boris}

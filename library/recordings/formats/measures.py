@@ -7,6 +7,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from importlib import resources
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from kinespace.library import memory
 from kinespace.library.clip import Clip
+from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.skeleton import Skeleton
 
 #: Words in recordings, by kind.
@@ -26,8 +28,11 @@ METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for w
 _MAX_IN_METRES = 16.0
 #: The size up to which the unit is a centimetre; beyond, it is a millimetre.
 _MAX_IN_CENTIMETRES = 500.0
+#: Frames in which the size is measured, about; and times as far from the middle as half of the joints.
+_LOOKS, _FAR = 256, 8.0
 
 
+@lru_cache(maxsize=256)
 def metres_of(unit: str) -> float | None:
     """Give the metres of a unit's name, or of a number that says them itself; None for any other text.
 
@@ -37,10 +42,7 @@ def metres_of(unit: str) -> float | None:
     meant = {METRES[name]} if name in METRES else {each for word, each in METRES.items() if word.startswith(name)}
     if len(meant) == 1 and (name in METRES or len(name) > 2):
         return meant.pop()
-    try:
-        metres = float(name)
-    except ValueError:
-        return None
+    metres = number_of(name) or 0.0
     return metres if 0 < metres < math.inf else None
 
 
@@ -55,8 +57,12 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
     if not len(seen):
         return 1.0
-    boxes = np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1)
-    size = float(np.median(np.linalg.norm(boxes, axis=1)))
+    some = seen[:: 1 + len(seen) // _LOOKS]
+    away = np.linalg.norm(some - np.nanmedian(some, axis=1, keepdims=True), axis=2)
+    # A reference on the floor, or a thing, is no part of the body.
+    near = away <= _FAR * np.nanmedian(away)
+    own = np.where((near | ~near.any(axis=1, keepdims=True))[:, :, None], some, np.nan)
+    size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
     if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
         size *= 5
     if size <= _MAX_IN_METRES:
@@ -308,11 +314,20 @@ def laid(times: Times, positions: Positions, rate: float | None = None) -> Evene
     times, positions = times[last], positions[last]
     steps = np.diff(times)
     since = times - times[0]
-    mean, rounded = len(steps) / float(since[-1]), next((10.0**-n for n in range(8) if _is_rounded(since, n)), 0.0)
+    mean, rounded = len(steps) / float(since[-1]), _rounding(since)
     own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
     if np.ptp(since - np.arange(len(since)) / own) <= 1.01 * rounded + _EVEN / mean:
         return Evened(positions, own, 0, ())
     return evened(times, positions, rate=rate)
+
+
+def _rounding(since: Times) -> float:
+    """Give the seconds to which times are rounded, by their decimals or, as `%g` does, by their digits; 0: neither."""
+    place = 3 - math.floor(math.log10(since[-1]))
+    late = np.diff(since[since >= 10.0 ** (3 - place)])
+    decimals = (10.0**-n for n in range(8) if _is_rounded(since, n))
+    digits = (10.0**-n for n in range(place, place + 4) if len(late) and _is_rounded(late, n))
+    return max(next(decimals, 0.0), next(digits, 0.0))
 
 
 def _is_rounded(times: Times, place: int) -> bool:

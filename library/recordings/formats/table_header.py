@@ -17,8 +17,8 @@ from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_of, words_of
 
-#: What stands behind an axis: a word for a place, a unit or another word.
-_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:[\W_]+(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
+#: What stands behind an axis: a word for a place, a unit or another word, or a number without a mark.
+_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
@@ -43,11 +43,7 @@ _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LE
     frozenset(WORDS["columns"][kind])
     for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places", "no_lengths")
 )
-_PERSON = re.compile(
-    r"(person|people|body|track|tracking|subject|performer|actor|user|skeleton|player|participant|human|object|instance|"
-    r"character|dancer|entity|avatar)"
-    r"( ?(id|ids|idx|index|nr|no|number|name))?|p?id"
-)
+_PERSON = re.compile(rf"({'|'.join(WORDS['columns']['people'])})( ?(id|ids|idx|index|nr|no|number|name))?|p?id")
 #: Joints that a row must name without axes, at least one more.
 _FEW = 2
 #: Rows above the first frame that may name joints.
@@ -64,8 +60,9 @@ _RATE = re.compile(
 _ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
 _LEADING = re.compile(r"\s*(\d+\.?\d*)")
 _UNIT = re.compile(r"(length |pos\w*? ?)?units?\W*", re.IGNORECASE)
-#: The columns of x, y and z, by joint.
+#: The columns of x, y and z, by joint; and the columns of each axis.
 _Columns = Mapping[str, tuple[int, int, int]]
+_Places = dict[str, list[int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +112,10 @@ def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
     """Say whether a row holds a frame: most of it are numbers, the first one too unless a name may stand there."""
     filled = [field for field in row if field.strip()]
     numbers = sum(number_of(field) is not None for field in filled)
-    # Motive numbers its markers, too.
-    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"") and filled[0].strip() != "ID"
-    return begins and numbers > 0.7 * len(filled) - 1.2
+    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"")
+    # Motive numbers its markers, over each of their columns.
+    counts = filled[:1] == ["ID"] or (filled[::3] == filled[1::3] == filled[2::3] and len({*filled}) > 1)
+    return begins and not counts and numbers > 0.7 * len(filled) - 1.2
 
 
 def is_value(name: str) -> bool:
@@ -128,8 +126,11 @@ def is_value(name: str) -> bool:
 def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
     for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
+        row = rows[place]
+        if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
+            row = row[1:]
         # R names no column for the numbers of its rows.
-        row = _continued(["", *rows[place]] if len(rows[place]) == len(first) - 1 and first[-1] else rows[place])
+        row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
         if row and row[0].strip() == "MARKER_NAMES":
             front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
             # A tab may stand at a line's end, too.
@@ -173,41 +174,52 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
     best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
-        found, units, measures = dict[str, dict[str, int]](), set[str](), set[str]()
+        found, units, measures = dict[str, _Places](), set[str](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' =\"").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 is_name = unit.isdigit() or metres_of(unit or "m") is None
                 joint = f"{named['joint']}_{unit}" if is_name else named["joint"]
-                found.setdefault(joint, {}).setdefault(named["axis"].lower(), place)
+                found.setdefault(joint, {}).setdefault(named["axis"].lower(), []).append(place)
                 units.add("" if is_name else unit)
                 measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
-        turns = _turns([[*axes.values()] for axes in whole.values() if len(axes) == 4], first)
+        turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
+        ahead = any(words_of(joint)[-1:] == ["forward"] for joint in whole)
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures or _is_no_place(joint) or (turns and len(axes) == 4)
+            if joint in measures or _is_no_place(joint, ahead=ahead) or (turns and len(axes) == 4)
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
         if len(places) <= 2 * len(world := [joint for joint in places if _WORLD & {*words_of(joint)}]):
             places, others = world, others + [joint for joint in places if joint not in world]
         if len(places) > len(best[0]):
-            best = {joint: _three(whole[joint]) for joint in places}, others, units - {""}
+            best = _apart({joint: whole[joint] for joint in places}), others, units - {""}
     return best
 
 
-def _is_no_place(name: str) -> bool:
-    """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place."""
+def _is_no_place(name: str, *, ahead: bool) -> bool:
+    """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place.
+
+    Where there are vectors ahead (Unity's `forward`) there may be others up and to the right.
+    """
+    if ahead and words_of(name)[-1:] in (["forward"], ["up"], ["right"]):
+        return True
     ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
-    return bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
+    # ROS puts `field.` in front of all its names.
+    is_field = name.lower() == "field"
+    return is_field or bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
-def _three(axes: Mapping[str, int]) -> tuple[int, int, int]:
-    x, y, z = (axes[axis] for axis in sorted({*axes} - {"w"})[:3])
-    return x, y, z
+def _apart(found: Mapping[str, _Places]) -> _Columns:
+    """Give x, y and z of each joint; a joint that stands there again may be another person's (`1:head`)."""
+    each = {joint: [axes[axis] for axis in sorted({*axes} - {"w"})[:3]] for joint, axes in found.items()}
+    threes = ((joint, *place) for joint, axes in each.items() for place in enumerate(zip(*axes, strict=False)))
+    # One name for all is no joint's.
+    return {f"{n}:{joint}" if n else joint: (x, y, z) for joint, n, (x, y, z) in threes if not n or len(found) > 1}
 
 
 def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
@@ -253,7 +265,7 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
     above = [_filled(row, size, axes) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
     below = below if rows[:place] else []
-    kinds = [row for row in above if {"position", "rotation"} & {name.lower() for name in row}]
+    kinds = [row for row in above if {"position", "rotation", "joint angle"} & {name.lower() for name in row}]
     said = {cell.lower() for row in above for cell in row}
     bones = "bone" in said
     # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
@@ -280,12 +292,12 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
     # Motive calls a skeleton's first bone like the skeleton.
     named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
-    joints = dict[str, dict[str, int]]()
+    joints = dict[str, _Places]()
     for column in ours:
-        joints.setdefault(named[column], {}).setdefault(axes[column], column)
-    whole = {joint: _three(each) for joint, each in joints.items() if joint and len(each) == 3}
-    others = [joint for joint in whole if _NO_PLACES & {*words_of(joint)[-1:]}]
-    whole = {joint: each for joint, each in whole.items() if joint not in others}
+        joints.setdefault(named[column], {}).setdefault(axes[column], []).append(column)
+    joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
+    others = [joint for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}]
+    whole = _apart({joint: each for joint, each in joints.items() if joint not in others})
     units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
     return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None

@@ -293,11 +293,12 @@ def test_a_joint_that_begins_or_stops_makes_another_body() -> None:
 
 
 def test_things_beside_a_body_change_nothing() -> None:
-    """Names that no convention knows close no frame, take no room, and do not pile up."""
+    """Names that no convention knows close no frame, take no room, and do not pile up; turns are nobody's places."""
     sender, names = _Sender(), [*NAMES]
     sender.send([f"blob{number}" for number in range(3000)], 1)
     for number in range(100):
         sender.send([f"ball{number}"], 1, who=f"/thing{number}")
+    assert not sender.send(names, 5, who="/rot")
     made = [each for number in range(30) for each in sender.send([*names, f"particle{number}"], 1, who="/ann")]
     assert sum(isinstance(each, Frame) for each in made) >= 28
     assert sender.assembler.counts.incomplete == sender.assembler.counts.no_room == 0

@@ -44,8 +44,7 @@ def _opened(content: bytes) -> Any:  # noqa: ANN401 - the package has no types
         def _check_metadata(self) -> None:
             pass
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return Lenient(io.BytesIO(content))
 
 
@@ -124,13 +123,13 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     # Where the header does not say it, frames follow the parameters, whose third byte counts their blocks.
     block = said.header.data_block or begin + content[(begin - 1) * _BLOCK + 2]
     announced, width, place = _announced(said), 4, 0
-    points, analog, scale = _layout(said, len(content) - (block - 1) * _BLOCK, announced)
     held = (said.get(f"ROTATION:{name}") for name in ("USED", "DATA_START"))
     turns, matrices = (int(each.uint16_value) if each else 0 for each in held)
-    if turns and matrices > block and points:
+    if turns and matrices > block and said.header.point_count:
         # Matrices of segments stand behind the points.
         content = content[: (matrices - 1) * _BLOCK]
-    elif turns and not points:
+    points, analog, scale = _layout(said, len(content) - (block - 1) * _BLOCK, announced)
+    if turns and not points:
         # Theia's files hold them in place of points: 16 numbers, a place in their last column.
         points, block, width, place, analog, scale = turns, matrices, 17, 12, 0, -1.0
     if points < 2:

@@ -200,8 +200,7 @@ def _left_out(names: Sequence[str], missing: NDArray[np.bool_], lost: NDArray[np
         return []
     shares = [(name, share) for name, share, gone in zip(names, missing.mean(axis=0), lost, strict=True) if gone]
     each = [f"{name} (never seen)" if share == 1 else f"{name} (not seen in {share:.0%})" for name, share in shares]
-    more = f" and {len(each) - _MAX_LISTED} more" if len(each) > _MAX_LISTED else ""
-    return [f"left out: {len(each)} of {len(names)} markers: {', '.join(each[:_MAX_LISTED])}{more}"]
+    return [f"left out: {len(each)} of {len(names)} markers: {listed(each, _MAX_LISTED)}"]
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

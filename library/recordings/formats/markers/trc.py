@@ -63,7 +63,7 @@ def _labels(path: Path, number: int, line: str, announced: int, lead: int) -> li
     spaced = line.split()[lead:]
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
     if len(found) < 2:
-        refuse(path, number, f"expected names of markers behind Frame# and Time, got {line[:40]!r}")
+        refuse(path, number, f"expected names of markers behind Frame# and Time, 2 at least, got {line[:40]!r}")
     named = [coordinate_of(label) or (label, "") for label in found]
     names, axes = [name for name, _ in named], {axis for _, axis in named[::3]}
     if names[::3] == names[1::3] == names[2::3] and axes <= {"x", ""}:

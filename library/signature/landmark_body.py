@@ -35,11 +35,7 @@ _SIDES = ("l", "r")
 #: by which a body is told from others, at least.
 _OFF, _MIN_LIMBS = 0.01, 6
 #: The joints that a body has, in the order of its positions.
-JOINTS = (
-    *TRUNK,
-    "head",
-    *(side + name for side in _SIDES for name in (*WIDTHS, *LIMBS)),
-)
+JOINTS = (*TRUNK, "head", *(side + name for side in _SIDES for name in (*WIDTHS, *LIMBS)))
 
 
 def body_of(joints: Sequence[str], landmarks: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -249,9 +249,8 @@ class Comparer(NamedTuple):
             named += self.head.added(placed)
         if self.likelihood:
             judged = self.likelihood.of_windows(vectors, self.classes)[None]
-        return [
-            Distances(*each) for each in zip(logs.swapaxes(0, 1), named, judged.swapaxes(0, 1), scores, strict=True)
-        ]
+        windows = zip(logs.swapaxes(0, 1), named, judged.swapaxes(0, 1), scores, strict=True)
+        return [Distances(*each) for each in windows]
 
     def logs(self, vectors: Sequence[Floats], added: Numbers | None = None) -> Numbers:
         """Give the log distances of some windows' vectors, perhaps with some of the library's windows farther.

@@ -147,10 +147,7 @@ def _whitened_axes(
 
 
 def _differences(
-    vectors: NDArray[np.float64],
-    numbers: NDArray[np.float64],
-    people: NDArray[np.intp],
-    shared: list[NDArray[np.intp]],
+    vectors: NDArray[np.float64], numbers: NDArray[np.float64], people: NDArray[np.intp], shared: list[NDArray[np.intp]]
 ) -> NDArray[np.float64]:
     """Take each window's difference to the nearest of its class by another person; classes weigh the same."""
     count = sum(map(len, shared)) / len(shared)

@@ -12,14 +12,7 @@ from kinespace.library.distances import distance_rows
 from kinespace.library.motion_library import MotionLibrary
 from kinespace.library.signature.basis import Basis
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.parts import (
-    FORMULAS,
-    Kind,
-    Moments,
-    Part,
-    eigen,
-    lengths_of,
-)
+from kinespace.library.signature.parts import FORMULAS, Kind, Moments, Part, eigen, lengths_of
 from kinespace.library.windows.comparison import FIRST_WINDOW, Comparison, Weighing
 
 #: Seconds between two windows that are kept of a motion in a library of one person.

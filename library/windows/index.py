@@ -180,9 +180,8 @@ class WindowIndex:
     def seconds_into(self) -> NDArray[np.float64]:
         """The seconds from a motion's beginning to the end of each window, (windows,); of an index that is no view."""
         measured = Measured.of(self.library, every_in(self.library), self.comparison.weighing.first)
-        return np.concatenate(
-            [ends / clip.frame_rate for ends, clip in zip(measured.ends, measured.clips, strict=True)]
-        )
+        of_motions = zip(measured.ends, measured.clips, strict=True)
+        return np.concatenate([ends / clip.frame_rate for ends, clip in of_motions])
 
     @property
     def framed(self) -> MotionLibrary:

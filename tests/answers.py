@@ -86,6 +86,7 @@ def _depth_sensor(data: Path) -> list[Recognition]:
     take = _read(data, "utkinect/joints_s01_e01.txt")
     library = MotionLibrary.builtin().restricted_to(take.skeleton.joints)
     asked = take.restricted_to(library.skeleton.joints).as_of(library.skeleton)
+    asked = asked.moved_to(asked.positions[-25 * round(asked.frame_rate) :])
     return _answers(Recognizer(library, Settings(sensitivity=0.4)), _frames([asked], 30.0))
 
 
@@ -136,13 +137,14 @@ def _known_and_taught() -> tuple[WindowIndex, WindowIndex]:
 
 
 def _taught() -> list[Recognition]:
-    """Teach two new classes while the feed runs, then take them away."""
-    clips, (known, taught) = _asked()[1], _known_and_taught()
+    """Teach two new classes while the feed runs, then take them away; each is shown before, meanwhile and after."""
+    named, (known, taught) = {each.class_name: each for each in _asked()[1]}, _known_and_taught()
+    shown = [named[name] for name in ("grabHighR", "kickLFront1Reps", "sneak2StepsLStart", "squat1Reps")]
     recognizer, answers = Recognizer(known), list[Recognition]()
-    for frame in _frames([*clips, *clips], 60.0):
-        if len(answers) == 400 and recognizer.library is known.library:
+    for frame in _frames(2 * shown, 60.0):
+        if len(answers) == 150 and recognizer.library is known.library:
             recognizer.exchange(taught)
-        if len(answers) == 1100 and recognizer.library is taught.library:
+        if len(answers) == 400 and recognizer.library is taught.library:
             recognizer.exchange(known)
         answer = recognizer.push(frame)
         answers += [answer] if answer else []

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fakes import pushed
 from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex, compiled, opened, read_recordings
@@ -47,7 +48,7 @@ def _asked() -> tuple[MotionLibrary, list[Clip]]:
     return whole.without(actors=["mm"]), [first[name] for name in sorted(first)]
 
 
-def _frames(clips: Iterable[Clip], rate: float, pause: float = 0.2) -> Iterator[Frame]:
+def frames_of(clips: Iterable[Clip], rate: float, pause: float = 0.2) -> Iterator[Frame]:
     """Show clips one after another, with a pause between them."""
     begin = 1.0
     for clip in clips:
@@ -57,13 +58,9 @@ def _frames(clips: Iterable[Clip], rate: float, pause: float = 0.2) -> Iterator[
         begin += len(shown.positions) / rate + pause
 
 
-def _answers(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]:
-    return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
-
-
 def _motions_at(rate: float, settings: Settings) -> list[Recognition]:
     library, clips = _asked()
-    return _answers(Recognizer(library, settings), _frames(clips, rate))
+    return pushed(Recognizer(library, settings), frames_of(clips, rate))
 
 
 def _read(data: Path, name: str) -> Clip:
@@ -73,20 +70,21 @@ def _read(data: Path, name: str) -> Clip:
 
 def _cmu(data: Path) -> list[Recognition]:
     take = _read(data, "cmu/13_30.amc")
-    return _answers(Recognizer(MotionLibrary.builtin(), Settings(progress=True)), _frames([take], 60.0))
+    return pushed(Recognizer(MotionLibrary.builtin(), Settings(progress=True)), frames_of([take], 60.0))
 
 
 def _strangers(data: Path) -> list[Recognition]:
     take = _read(data, "cmu/86_01.amc")
     shown = replace(take, positions=take.positions[: 25 * 120])
-    return _answers(Recognizer(MotionLibrary.builtin(), Settings()), _frames([shown], 240.0))
+    return pushed(Recognizer(MotionLibrary.builtin(), Settings()), frames_of([shown], 240.0))
 
 
 def _depth_sensor(data: Path) -> list[Recognition]:
     take = _read(data, "utkinect/joints_s01_e01.txt")
     library = MotionLibrary.builtin().restricted_to(take.skeleton.joints)
     asked = take.restricted_to(library.skeleton.joints).as_of(library.skeleton)
-    return _answers(Recognizer(library, Settings(sensitivity=0.4)), _frames([asked], 30.0))
+    asked = asked.moved_to(asked.positions[-25 * round(asked.frame_rate) :])
+    return pushed(Recognizer(library, Settings(sensitivity=0.4)), frames_of([asked], 30.0))
 
 
 def _other_names() -> list[Recognition]:
@@ -96,10 +94,8 @@ def _other_names() -> list[Recognition]:
     names = tuple(reversed(_SENT))
     places = [library.skeleton.joints.index(_SENT[name]) for name in names]
     performers.announce(Announcement("ann", names), 0.0)
-    answers = (
-        performers.push(replace(frame, positions=frame.positions[places]), frame.time) for frame in _frames(clips, 60.0)
-    )
-    return [answer for answer in answers if answer is not None]
+    sent = (replace(frame, positions=frame.positions[places]) for frame in frames_of(clips, 60.0))
+    return [answer for frame in sent if (answer := performers.push(frame, frame.time)) is not None]
 
 
 def _broken() -> list[Recognition]:
@@ -124,7 +120,7 @@ def _broken() -> list[Recognition]:
             positions = positions[mirrored]
         return replace(frame, positions=1000 * positions if frame.time > 24.0 else positions)
 
-    return _answers(Recognizer(library, Settings()), map(spoilt, _frames(clips, 60.0)))
+    return pushed(Recognizer(library, Settings()), map(spoilt, frames_of(clips, 60.0)))
 
 
 @cache
@@ -136,13 +132,14 @@ def _known_and_taught() -> tuple[WindowIndex, WindowIndex]:
 
 
 def _taught() -> list[Recognition]:
-    """Teach two new classes while the feed runs, then take them away."""
-    clips, (known, taught) = _asked()[1], _known_and_taught()
+    """Teach two new classes while the feed runs, then take them away; each is shown before, meanwhile and after."""
+    named, (known, taught) = {each.class_name: each for each in _asked()[1]}, _known_and_taught()
+    shown = [named[name] for name in ("grabHighR", "kickLFront1Reps", "sneak2StepsLStart", "squat1Reps")]
     recognizer, answers = Recognizer(known), list[Recognition]()
-    for frame in _frames([*clips, *clips], 60.0):
-        if len(answers) == 400 and recognizer.library is known.library:
+    for frame in frames_of(2 * shown, 60.0):
+        if len(answers) == 150 and recognizer.library is known.library:
             recognizer.exchange(taught)
-        if len(answers) == 1100 and recognizer.library is taught.library:
+        if len(answers) == 400 and recognizer.library is taught.library:
             recognizer.exchange(known)
         answer = recognizer.push(frame)
         answers += [answer] if answer else []

@@ -39,7 +39,7 @@ _SOME_PERSONS = tuple(
 
 
 #: The evaluations that the tests measure, too.
-QUICK = ("done", "retrieval_raw_split")
+QUICK = ("done_by_one", "retrieval_raw_split")
 
 #: The arguments of `kinespace evaluate` for each evaluation; `{data}` is the folder of recordings.
 RUNS: Mapping[str, tuple[str, ...]] = {
@@ -66,6 +66,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "show": ("show", "--shows", "2", "--minutes", "4"),
     "peers": ("peers", "--alone"),
     "progress": ("progress", "--every", "16"),
+    "done_by_one": ("done", "{data}/uiprmd/takes/s04_m01.npz", "--actor-in", "name"),
     "done": ("done", *(f"{{data}}/uiprmd/takes/s0{person}_m01.npz" for person in (4, 5)), "--actor-in", "name"),
     **{
         f"retrieval_{signature}_{protocol}": ("retrieval", "--signature", signature, "--protocol", protocol)

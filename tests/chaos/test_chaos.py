@@ -11,7 +11,7 @@ from chaos.attacks import INNOCENT, place_of
 from chaos.performer import NAMES, cues_of
 from chaos.trial import ended_with, started
 from chaos.trials import TRIALS
-from programs import PATIENCE
+from programs import PATIENCE, summary_counts
 
 from kinespace.stream import zeromq
 from kinespace.stream.zeromq import Endpoint
@@ -20,7 +20,7 @@ from kinespace.tools.programs import bench
 
 #: The attacks on one recogniser, one after the other, and the seconds of each.
 SUFFERED = [each.attack for each in TRIALS if each.attack and not each.first]
-SECONDS = 0.25
+SECONDS = 0.15
 
 
 @pytest.mark.slow
@@ -50,5 +50,5 @@ def test_nothing_ends_the_program() -> None:
             assert answers.receive() is not None
         assert ended_with(program) == 0
         assert "Traceback" not in program.errors
-        for counted in ("malformed", "foreign", "no room"):
-            assert f"{counted} 0" not in program.output.rpartition("received")[2]
+        counts = summary_counts(program.output)
+        assert min(counts["malformed"], counts["foreign"], counts["no room"]) > 0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import wrong
 from fakes import NAMED
-from fuzzfeeds import READERS, read_broken
+from fuzzfeeds import PACKETS, READERS, read_broken
 from golden import bundle, message
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -388,7 +388,7 @@ def test_a_body_that_does_not_fit_is_refused(header: dict[str, object]) -> None:
 @pytest.mark.parametrize("name", READERS)
 def test_any_bytes_are_a_value_or_the_codecs_error(name: str) -> None:
     """Golden packets cut, changed, joined and nested, parts missing and swapped: nothing else is raised."""
-    read, refused = read_broken(name, 600, seed=list(READERS).index(name))
+    read, refused = read_broken(name, PACKETS, seed=list(READERS).index(name))
     assert read > 0
     assert refused > 0
 

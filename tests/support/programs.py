@@ -111,12 +111,6 @@ def ran(*arguments: object) -> tuple[int, str, str]:
     return status, out.getvalue(), err.getvalue()
 
 
-def finished(*arguments: object) -> tuple[int, str, str]:
-    """Run `kinespace` to its end: exit status, standard output, standard error."""
-    with started(*arguments) as program:
-        return program.wait(), program.output, program.errors
-
-
 def until(reached: Callable[[], _Reached]) -> _Reached:
     """Ask until something is reached; give it."""
     end = time.monotonic() + PATIENCE

@@ -8,19 +8,22 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pytest
 from golden import LAYOUTS, Moment
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Page
 from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, started
 
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement, encode_frame
 from kinespace.tools.evaluation.evaluate_show import facing
+
+if TYPE_CHECKING:
+    # Loaded where there is a Chromium alone: it takes a second.
+    from playwright.sync_api import Page
 
 pytestmark = pytest.mark.slow
 
@@ -95,7 +98,7 @@ def takes(class_name: str) -> list[NDArray[np.float64]]:
 
 
 @contextmanager
-def opened(address: str, complaints: list[str], *further: str) -> Iterator[Page]:
+def opened(address: str, complaints: list[str], *further: str) -> Iterator["Page"]:
     """Open an address in Chromium; what the console says is complained of."""
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where there is a Chromium
 
@@ -132,7 +135,7 @@ def for_readme() -> bool:
     return os.environ.get(PICTURES) == "1"
 
 
-def picture(page: Page, name: str, folder: Path) -> None:
+def picture(page: "Page", name: str, folder: Path) -> None:
     """Take a picture of the page; for README, with fewer colours, if this is asked for."""
     taken = page.screenshot()
     assert len(taken) > 10_000
@@ -143,7 +146,7 @@ def picture(page: Page, name: str, folder: Path) -> None:
         assert (ROOT / ".github" / name).stat().st_size < MAX_PICTURE
 
 
-def until(page: Page, condition: str) -> None:
+def until(page: "Page", condition: str) -> None:
     """Wait until an expression is true in the page; a failure says what the page shows."""
     from playwright.sync_api import TimeoutError as TookTooLong  # noqa: PLC0415 - only where there is a Chromium
 
@@ -180,7 +183,7 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
     assert all("WebSocket" in each for each in complaints)
 
 
-def shows(page: Page, performer: Performer, motion: NDArray[np.float64], condition: str) -> None:
+def shows(page: "Page", performer: Performer, motion: NDArray[np.float64], condition: str) -> None:
     """Show a motion until something is seen of it, again if a busy machine missed it."""
     from playwright.sync_api import TimeoutError as TookTooLong  # noqa: PLC0415 - only where there is a Chromium
 
@@ -192,7 +195,7 @@ def shows(page: Page, performer: Performer, motion: NDArray[np.float64], conditi
     until(page, condition)
 
 
-def sees_motion(page: Page, performer: Performer, name: str, motion: NDArray[np.float64]) -> None:
+def sees_motion(page: "Page", performer: Performer, name: str, motion: NDArray[np.float64]) -> None:
     """Show a motion after the last has ended, and see one more bar of its class."""
     until(page, f"{DOING}.textContent === ''")
     count = (
@@ -201,7 +204,7 @@ def sees_motion(page: Page, performer: Performer, name: str, motion: NDArray[np.
     shows(page, performer, motion, f"{count} > {page.evaluate(count)}")
 
 
-def sees(page: Page, performer: Performer, folder: Path) -> None:
+def sees(page: "Page", performer: Performer, folder: Path) -> None:
     """See a body that moves, the class of each motion, in dark and light, a refusal, all of it on a phone."""
     until(page, "kinespace.drawn > 5 && kinespace.performers.get('ann')?.stage.joints")
     before = page.evaluate(f"{DRAWN}.toDataURL()")
@@ -245,7 +248,7 @@ def sees(page: Page, performer: Performer, folder: Path) -> None:
     page.set_viewport_size({"width": 1180, "height": 770})
 
 
-def teaches(page: Page, performer: Performer) -> None:
+def teaches(page: "Page", performer: Performer) -> None:
     """Switch a class off, teach its motion by another name, see it recognised, and say that a bar was wrong."""
     # A lesson begins standing: else the way from the kick's last posture to the squat would be part of the example.
     performer.show(takes(SQUAT)[0][:1])
@@ -289,7 +292,7 @@ def teaches(page: Page, performer: Performer) -> None:
     until(page, "document.querySelector('#said').textContent === ''")
 
 
-def confirms_a_squat(page: Page, performer: Performer) -> None:
+def confirms_a_squat(page: "Page", performer: Performer) -> None:
     """See a squat and say that it was right; another one where it was named for a moment alone: too short to teach."""
     taught = "kinespace.control.taught['my squat'] === 2"
     for _ in range(6):
@@ -303,7 +306,7 @@ def confirms_a_squat(page: Page, performer: Performer) -> None:
     until(page, taught)
 
 
-def moves_at_will(page: Page, performer: Performer) -> None:
+def moves_at_will(page: "Page", performer: Performer) -> None:
     """Take the lesson of nothing that is offered after the first gesture, until there is an example."""
     page.click("#at-will")
     until(page, f"{LESSON}.textContent.startsWith('move as you will')")
@@ -316,7 +319,7 @@ def moves_at_will(page: Page, performer: Performer) -> None:
     until(page, "!('nothing' in kinespace.control.taught) && document.querySelector('#at-will.main')")
 
 
-def teaches_the_past(page: Page, performer: Performer) -> None:
+def teaches_the_past(page: "Page", performer: Performer) -> None:
     """Drag over the last kick on the timeline, and name it; over another kick if a busy machine lost frames of it."""
     taught = "kinespace.control.taught['my kick'] === 1"
     for _ in range(6):
@@ -333,7 +336,7 @@ def teaches_the_past(page: Page, performer: Performer) -> None:
     until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
 
 
-def drags_over_the_last_kick(page: Page) -> None:
+def drags_over_the_last_kick(page: "Page") -> None:
     """Choose the span of the last kick, so that its name can be typed."""
     box = page.locator("#timeline").bounding_box()
     from_x, to_x = page.evaluate(

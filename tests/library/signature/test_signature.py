@@ -22,12 +22,6 @@ from kinespace.stream.feeds import builtin_preset
 SINGLE = 1e-6
 
 
-@pytest.fixture(scope="module")
-def body(builtin: MotionLibrary) -> Body:
-    """Give the built-in library's body."""
-    return Body.of(builtin.skeleton)
-
-
 def test_the_builtin_basis_holds_nearly_all_movement(builtin_index: WindowIndex) -> None:
     """32 directions, orthonormal but for the weights, hold 98 %; segments are rigid."""
     basis, segments = builtin_index.basis, builtin_index.body.segments
@@ -41,8 +35,9 @@ def test_the_builtin_basis_holds_nearly_all_movement(builtin_index: WindowIndex)
     assert moving.sum() <= len(basis.weights) - len(segments)
 
 
-def test_few_moving_pairs_make_few_directions(body: Body) -> None:
+def test_few_moving_pairs_make_few_directions(builtin: MotionLibrary) -> None:
     """Two distances that vary give two directions, which hold all movement; none that vary give none."""
+    body = Body.of(builtin.skeleton)
     still = np.ones((50, len(body.sizing)))
     assert Basis.learned([[still]], body).share == 0.0
     still[:, 7] += np.sin(np.arange(50))

@@ -34,13 +34,6 @@ def index(request: pytest.FixtureRequest, small_index: WindowIndex, across: Wind
     return small_index if request.param == "within" else across
 
 
-@pytest.fixture(scope="module")
-def asking(builtin: MotionLibrary) -> tuple[Clip, ...]:
-    """Give motions of another person, one of each of three classes."""
-    last = {clip.class_name: clip for clip in builtin.motions if clip.actor == "bk"}
-    return tuple(last[name] for name in CLASSES)
-
-
 def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
     """Give the numbers of a motion's windows one by one."""
     ends = window_ends(clip, 0.4)
@@ -73,10 +66,10 @@ def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
 # --- compared ----------------------------------------------------------------------------------------------------
 
 
-def test_log_distances_by_brute_force(index: WindowIndex, asking: tuple[Clip, ...], arithmetic: str) -> None:
+def test_log_distances_by_brute_force(index: WindowIndex, builtin: MotionLibrary, arithmetic: str) -> None:
     """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
-    twin = Twin(index)
-    for clip in asking[:2]:
+    twin, another = Twin(index), {clip.class_name: clip for clip in builtin.motions if clip.actor == "bk"}
+    for clip in (another[name] for name in CLASSES[:2]):
         rows = distance_rows(clip.positions, clip.skeleton)
         for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
             expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))

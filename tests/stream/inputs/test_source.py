@@ -250,19 +250,11 @@ def test_counting_anew_is_a_command_that_is_obeyed_without_lessons() -> None:
     assert reader.read(named, ELSEWHERE, 1.0) is None
 
 
-@pytest.fixture
-def port() -> Iterator[Source]:
-    """Give a port whose packets may hold commands."""
-    made = Source(osc.OscReceiver("127.0.0.1", 0), OscDecoder())
-    made.commands = CommandReader()
-    yield made
-    made.close()
-
-
-def test_a_source_gives_commands_and_the_frames_beside_them(port: Source) -> None:
+def test_a_source_gives_commands_and_the_frames_beside_them() -> None:
     """Commands come before the frames of their bundle; a packet of commands alone is not counted as foreign."""
-    receiver = port.receiver
-    with closing(osc.OscSender(*receiver.address[:2])) as sender:
+    receiver = osc.OscReceiver(LOOPBACK, 0)
+    with closing(Source(receiver, OscDecoder())) as port, closing(osc.OscSender(*receiver.address[:2])) as sender:
+        port.commands = CommandReader()
         for packet, kinds in (
             (STOP, [Asked]),
             (FRAME, [Frame]),
@@ -272,7 +264,7 @@ def test_a_source_gives_commands_and_the_frames_beside_them(port: Source) -> Non
             sender.send(packet)
             given = port.take(1.0)
             assert [type(each) for each in given] == kinds
-    assert port.take(1.0) is None
-    counts = port.counts
+        assert port.take(1.0) is None
+        counts = port.counts
     # The bundle is a packet of commands and a packet of frames; its commands are not frames.
     assert (counts.received, counts.malformed, counts.foreign) == (5, 0, 2)

@@ -240,15 +240,6 @@ def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a param
     receiver.close()
 
 
-FILMS = (ROOT / "tests" / "support" / "films.toml").read_text(encoding="utf-8")
-
-
-@pytest.fixture
-def films(tmp_path: Path) -> WrittenLayout:
-    """Read the layout above."""
-    return _layout(tmp_path, FILMS)
-
-
 def _layout(folder: Path, text: str) -> WrittenLayout:
     (folder / "films.toml").write_text(text, encoding="utf-8")
     return WrittenLayout(folder / "films.toml")
@@ -258,8 +249,9 @@ def _read(packet: bytes | None) -> list[tuple[str, list[object]]]:
     return [(each.message.address, each.message.params) for each in OscPacket(packet).messages]
 
 
-def test_each_moment_has_its_messages(films: WrittenLayout) -> None:
+def test_each_moment_has_its_messages() -> None:
     """Numbers stay numbers, a text around a name is filled in, reserved characters of a name leave the address."""
+    films = WrittenLayout(ROOT / "tests" / "support" / "films.toml")
     assert (films.name, films.port) == ("a mixer of films", 7000)
     begins = ("/Ada%20L/jump", ["begins jump", 1, 0.75])
     assert _read(films.event(START)) == [("/composition/columns/2/connect", [1]), begins]

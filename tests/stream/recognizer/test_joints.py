@@ -29,12 +29,6 @@ def squat(small_library: MotionLibrary) -> Clip:
     return resampled(next(m for m in small_library.motions if m.class_name.startswith("squat")), RATE)
 
 
-@pytest.fixture(scope="module")
-def sound(small_library: MotionLibrary, squat: Clip) -> list[Recognition]:
-    """Give the answers to the squat as it is."""
-    return _played(Recognizer(small_library), squat.positions)
-
-
 def _played(recognizer: Recognizer, positions: NDArray[np.float64]) -> list[Recognition]:
     return pushed(recognizer, shown(positions, RATE, begin=1.0))
 
@@ -45,7 +39,7 @@ def _places(library: MotionLibrary, *names: str) -> list[int]:
 
 @pytest.mark.slow
 def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
-    small_library: MotionLibrary, squat: Clip, sound: list[Recognition]
+    small_library: MotionLibrary, squat: Clip
 ) -> None:
     """While the windows of fewer joints are not open every hop is answered; then they hold the last seconds at once."""
     positions, lost = squat.positions.copy(), _places(small_library, "lthumb")
@@ -65,7 +59,7 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
     # Less is named where a joint is missing than where there never was one.
     fewer = recognizer._fewer  # noqa: SLF001 - the limit itself
     assert fewer.threshold > threshold_for(view, Settings())
-    assert len(answers) == len(whole) == len(sound)
+    assert len(answers) == len(whole) == len(_played(Recognizer(small_library), squat.positions))
     assert any(answer.outcome is Outcome.IMPLAUSIBLE for answer in answers)
     assert answers[-1].scores == pytest.approx(whole[-1].scores, abs=1e-6)
 
@@ -73,7 +67,7 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
         raise ValueError(f"no motion shows these {len(joints)} joints")
 
     answers = _played(Recognizer(small_library, views=none), positions)
-    assert len(answers) == len(sound)
+    assert len(answers) == len(whole)
     assert answers[-1].outcome is Outcome.IMPLAUSIBLE
 
 

@@ -70,8 +70,7 @@ def _assert_by_definition(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("arithmetic")
-@pytest.mark.parametrize("start", [0.0, 1.7e9])
-@pytest.mark.parametrize("evenly", [True, False])
+@pytest.mark.parametrize(("start", "evenly"), [(0.0, True), (1.7e9, False)])
 def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: float, *, evenly: bool) -> None:
     """With frames in any batches, on any clock, at uneven times and after gaps, all are as the rows say."""
     generator, end, live, read = np.random.default_rng(3), 0, Window(index), 0

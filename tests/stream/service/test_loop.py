@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -46,13 +46,6 @@ def source() -> Iterator[FakeSource]:
 def bench(sticks: MotionLibrary, source: FakeSource) -> Bench:
     """Give a service with one source."""
     return Bench(Performers(sticks), source)
-
-
-@pytest.fixture
-def opened() -> Iterator[ExitStack]:
-    """Close everything that a test opens, also when the test fails."""
-    with ExitStack() as stack:
-        yield stack
 
 
 # --- the loop, among fakes ---------------------------------------------------------------------------------------
@@ -210,9 +203,7 @@ def test_a_stopped_service_answers_the_waiting_packets(
     assert len(bench.sink.of(Recognition)) == len(_expected(sticks, frames))
 
 
-def test_an_endless_feed_does_not_keep_it_from_stopping(
-    sticks: MotionLibrary, opened: ExitStack, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_endless_feed_does_not_keep_it_from_stopping(sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """When packets come faster than they are taken, it stops all the same, at the latest after half a second."""
 
     class Endless(FakeSource):
@@ -222,16 +213,16 @@ def test_an_endless_feed_does_not_keep_it_from_stopping(
                 bench.service.stop()
             return ()
 
-    source = opened.enter_context(closing(Endless()))
-    bench = Bench(Performers(sticks), source)
-    bench.service.run()
-    taken = len(source.arrivals)
-    assert taken > 1000
-    monkeypatch.setattr(service_module, "MAX_ENDING", 0.0)
-    bench = Bench(Performers(sticks), source)
-    bench.service.stop()
-    bench.service.run()
-    assert len(source.arrivals) == taken
+    with closing(Endless()) as source:
+        bench = Bench(Performers(sticks), source)
+        bench.service.run()
+        taken = len(source.arrivals)
+        assert taken > 1000
+        monkeypatch.setattr(service_module, "MAX_ENDING", 0.0)
+        bench = Bench(Performers(sticks), source)
+        bench.service.stop()
+        bench.service.run()
+        assert len(source.arrivals) == taken
 
 
 # --- over real sockets -------------------------------------------------------------------------------------------

@@ -1,17 +1,16 @@
 """Kept answers to whole feeds; and a feed that is changed as must not matter gets the same answers."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from answers import FEEDS, RECORDED, differing, kept, summed_up
+from answers import FEEDS, RECORDED, differing, frames_of, kept, summed_up
 from fakes import assert_same, pushed
 from scipy.spatial.transform import Rotation
 
 from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
-from kinespace.tools.feeding.feed import resampled
 
 pytestmark = pytest.mark.slow
 
@@ -31,16 +30,7 @@ def clips(some_clips: tuple[Clip, ...]) -> list[Clip]:
 @pytest.fixture(scope="module")
 def feed(clips: list[Clip]) -> Feed:
     """Show them one after another at 64 frames a second, whose times have no rounding, with pauses between."""
-    return _shown(clips, 64.0)
-
-
-def _shown(clips: Iterable[Clip], rate: float, begin: float = 2.0, name: str = "ann") -> Feed:
-    frames = list[Frame]()
-    for clip in clips:
-        positions = resampled(clip, rate).positions
-        frames += [Frame(name, begin + place / rate, each) for place, each in enumerate(positions)]
-        begin = frames[-1].time + 0.40625
-    return frames
+    return [*frames_of(clips, 64.0, pause=0.390625)]
 
 
 def _settings(signature: LiveSignature) -> Settings:
@@ -141,7 +131,7 @@ def test_frames_are_neither_changed_nor_kept(small_library: MotionLibrary, feed:
 
 def test_interleaved_performers_get_the_answers_they_get_alone(small_library: MotionLibrary, clips: list[Clip]) -> None:
     """Frames mixed by chance, joints in other orders, other names, one by one or several at once: bit for bit."""
-    feeds = {f"person {place}": _shown([clip], 60.0) for place, clip in enumerate(clips)}
+    feeds = {f"person {place}": [*frames_of([clip], 60.0)] for place, clip in enumerate(clips)}
     alone = {name: pushed(Recognizer(small_library), feed) for name, feed in feeds.items()}
     joints, generator = small_library.skeleton.joints, np.random.default_rng(14)
     orders = {name: generator.permutation(len(joints)) for name in feeds}

@@ -38,14 +38,6 @@ def twin(small_index: WindowIndex) -> Twin:
 
 
 @pytest.fixture(scope="module")
-def of_single_examples(builtin: MotionLibrary) -> Twin:
-    """Give the slow twin of a library of one motion of each of three classes, the shortest ones."""
-    first = {motion.class_name: motion for motion in builtin.motions if motion.actor == "bd"}
-    short = tuple(sorted(first.values(), key=lambda motion: motion.frames)[:3])
-    return Twin(WindowIndex.of(replace(builtin, motions=short, learned={})))
-
-
-@pytest.fixture(scope="module")
 def clips(some_clips: tuple[Clip, ...]) -> list[Clip]:
     """Give a real motion of each class of the small library and of two others, the shorter first."""
     names = ("kickLFront1Reps", "lieDownFloor", "squat1Reps", "throwBasketball", "hopBothLegs1hops")
@@ -194,7 +186,10 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
     assert len(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
 
 
-def test_one_example_of_each_class(clips: list[Clip], of_single_examples: Twin) -> None:
+def test_one_example_of_each_class(clips: list[Clip], builtin: MotionLibrary) -> None:
     """A library that cannot learn what is unknown judges likelihood ratios, as the twin does by densities."""
-    assert of_single_examples.index.rejection.by_likelihood
-    assert len(_compare(of_single_examples, _frames(clips[0], range(0, clips[0].frames, 4)[:16]))) > 5
+    first = {motion.class_name: motion for motion in builtin.motions if motion.actor == "bd"}
+    short = tuple(sorted(first.values(), key=lambda motion: motion.frames)[:3])
+    twin = Twin(WindowIndex.of(replace(builtin, motions=short, learned={})))
+    assert twin.index.rejection.by_likelihood
+    assert len(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)[:16]))) > 5

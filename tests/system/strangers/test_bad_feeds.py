@@ -5,7 +5,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 import zmq
-from fuzzfeeds import run, run_messages
+from fuzzfeeds import PACKETS, run, run_messages
 from golden import LAYOUTS, moments
 from numpy.typing import NDArray
 from programs import LOOPBACK, ghost_cues, until
@@ -40,10 +40,6 @@ def test_a_message_of_a_hundred_thousand_parts_is_passed_over() -> None:
 
 
 # --- fuzzfeeds --------------------------------------------------------------------------------------------------------
-
-
-#: Of each of the 15 presets, and of ZeroMQ.
-PACKETS = 700
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ import naive_camera
 import numpy as np
 import pytest
 from films import grey
-from programs import LOOPBACK, finished, free_udp_port, live, ran, until
+from programs import LOOPBACK, free_udp_port, live, ran, until
 
 from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS
@@ -409,7 +409,7 @@ def test_bodies_of_a_film_are_sent(demo_film: Path) -> None:
     """The demo film: found nearly always, frames with the film's times, joints announced."""
     with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
         place = f"{LOOPBACK}:{receiver.address[1]}"
-        status, said, errors = finished("camera", demo_film, "--fast", "--osc", place)
+        status, said, errors = ran("camera", demo_film, "--fast", "--osc", place)
         decoder, frames = OscDecoder(), []
         while packet := receiver.receive():
             frames += decoder.decode(packet, 0.0, ("", 0))

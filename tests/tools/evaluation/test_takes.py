@@ -231,14 +231,6 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 
 
 @pytest.fixture(scope="module")
-def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two motions of two classes by each of three persons."""
-    path = tmp_path_factory.mktemp("learn") / "small.npz"
-    small_library().without(classes=[name for name in SMALL_CLASSES if name not in _CLASSES]).save(path)
-    return path
-
-
-@pytest.fixture(scope="module")
 def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Motions of two persons as takes: squats are known, sneaking is not."""
     folder = tmp_path_factory.mktemp("takes")
@@ -255,11 +247,9 @@ def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_library_of_one_person_is_taught_by_its_other_motions(
-    small_file: Path, takes_file: Path, tmp_path: Path
-) -> None:
+def test_a_library_of_one_person_is_taught_by_its_other_motions(takes_file: Path, tmp_path: Path) -> None:
     """Its own motions are named, strangers' sneaking is named as seldom as a rate says; single examples are refused."""
-    several = MotionLibrary.load(small_file)
+    several = small_library().without(classes=[name for name in SMALL_CLASSES if name not in _CLASSES])
     own = several.without(actors=several.actors[1:])
     arguments = ["learn", tmp_path / "own.npz", "--takes", takes_file, "--json", "-o"]
     own.save(tmp_path / "own.npz")

@@ -36,8 +36,8 @@ _ALWAYS = 1 << 40
 _MOTION = MotionLibrary.builtin().motions[0]
 #: As little as is written as a motion.
 _SHORT = _MOTION.moved_to(_MOTION.positions[:30])
-#: Seconds in which something that is tried twenty times a second has surely been tried.
-_A_MOMENT = 0.3
+#: Seconds in which something that is tried fifty times a second is tried again; what is not saved then is at the end.
+_A_MOMENT = 0.1
 _PACKETS, _NOTES = 20, 10
 
 
@@ -182,7 +182,7 @@ def _tried(work: Work, first: int, last: int) -> tuple[int, list[str]]:
 
 def _main() -> None:
     """Do every work with each of its calls failing."""
-    roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.05, 0.0, 0.005, 0.02  # noqa: SLF001
+    roster_file._AGAIN, roster_file._TOGETHER, roster_file._LOOK, roster_file._QUIET = 0.02, 0.0, 0.005, 0.02  # noqa: SLF001
     found = {}
     for work in (teaching, building, labelling, recording, keys, cache, midi):
         # First without a fault: so many calls there are. Threads may make a few more.

@@ -67,6 +67,11 @@ OTHER = BODY + np.array([1.5, 0, 0])
 #: Two bodies beside each other.
 BOTH = np.concatenate([BODY, OTHER], axis=1)
 TIMES = np.arange(len(BODY)) / RATE
+#: Two markers on each segment, some centimetres apart.
+MARKERS = tuple(f"{name}{number}" for name in NAMES if name != "Spine1" for number in (1, 2))
+ON_SEGMENTS = np.repeat(np.delete(BODY, NAMES.index("Spine1"), axis=1), 2, axis=1) + np.tile([[0.04], [-0.03]], (15, 3))
+SIDES_LAST = [re.sub("(Left|Right)(.+)", r"\2_\1", name).lower() for name in NAMES]
+PATHS = [f"/p1/{name}" for name in NAMES]
 PELVIS = ("LASI", "RASI", "LPSI", "RPSI")
 _PELVIS = BODY[:, :1] + np.array([[0.12, 0, 0.1], [-0.12, 0, 0.1], [0.05, 0, -0.1], [-0.05, 0, -0.1]])
 
@@ -366,6 +371,10 @@ def _tables() -> dict[str, Kind]:
         "two people whose names are the same, over their axes": (_several_rows(NAMES * 2, "XYZ", (["", ""], ["Frame", "Time"]), "first") + _frames(BOTH, lambda place: f"{place},{TIMES[place]:.4f}"), {"people": ("0", "1")}),
         "two people with numbers behind all names": (table(names=[f"{name}{who}" for who in (1, 2) for name in NAMES], positions=BOTH), {"people": ("1", "2")}),
         "a joint twice": (table(names=[*NAMES, "Head"], positions=np.concatenate([BODY, BODY[:, :1]], axis=1)), {"tells": "no performer's: 1:Head"}),
+        "two joints twice": (table(names=[*NAMES, "Head", "Neck"], positions=np.concatenate([BODY, BODY[:, [3, 2]]], axis=1)), {"tells": "no performer's: 1:Neck, 1:Head"}),
+        "markers with numbers behind their segments": (table(names=MARKERS, positions=ON_SEGMENTS), {"names": MARKERS, "body": ON_SEGMENTS}),
+        "joints to the right, and a direction of something else": (table(names=[*SIDES_LAST, "gaze_forward"], positions=np.concatenate([BODY, 0.1 * BODY[:, :1]], axis=1)), {"names": SIDES_LAST, "tells": "no positions: gaze_forward"}),
+        "paths in front of names, blanks, no times": (table(names=PATHS, clock=None, mark=" "), {"ending": "txt", "names": PATHS, "rate": 30.0, "tells": "times: none"}),
         "heads and tails of bones": (table(names=[f"{name}_{end}" for name in NAMES for end in ("head", "tail")], positions=np.stack([BODY, BODY + 0.05], axis=2).reshape(48, 32, 3)), {"tells": "no performer's: Hips_tail"}),
         "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=BOTH, more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),

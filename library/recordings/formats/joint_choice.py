@@ -1,10 +1,11 @@
 """The joints or markers that are wanted of a file, and their names."""
 
 import re
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import count as counted
 
 from kinespace.library.clip import Clip
 from kinespace.library.naming import Naming
@@ -83,7 +84,8 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
     are one person's otherwise, who has no name.
     """
     if len({*Counter(labels).values()}) == 1:
-        labels = [f"{labels[:place].count(label)}:{label}".removeprefix("0:") for place, label in enumerate(labels)]
+        before = defaultdict[str, Iterator[int]](counted)
+        labels = [f"{next(before[label])}:{label}".removeprefix("0:") for label in labels]
     for count in (0, 1, 2, 3, -1, _GLUED):
         people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
@@ -100,6 +102,10 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
             if {*map(str.lower, found)} == {"head", "tail"}:
                 # Blender's bones begin at their joints.
                 return {"": next(each for person, each in found.items() if person.lower() == "head")}
+            own = {*found.get("", {}).values()}
+            if all(not person or (person.isdecimal() and {*each.values()} < own) for person, each in found.items()):
+                # Some joints that stand there again are no second person.
+                return {"": found[""]}
             if len(found) > 2 and not again:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)

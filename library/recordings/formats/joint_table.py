@@ -323,7 +323,7 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
             yield one.replace(";(", f"{mark}(")
 
     if mark == " ":
-        return (line.replace('"', "").lstrip("#%/ ").split() for line in whole())
+        return (line.replace('"', "").lstrip("#% ").removeprefix("//").split() for line in whole())
     return csv.reader(whole(), delimiter=mark, skipinitialspace=True)
 
 

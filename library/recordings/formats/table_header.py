@@ -8,7 +8,7 @@ coordinate, and a column names it. Rows above say how often frames come, and the
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate, pairwise
@@ -186,11 +186,11 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
                 measures |= {joint} if unit in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
-        ahead = any(words_of(joint)[-1:] == ["forward"] for joint in whole)
+        ahead = {(*words[:-1],) for joint in whole if (words := words_of(joint))[-1:] == ["forward"]}
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures or _is_no_place(joint, ahead=ahead) or (turns and len(axes) == 4)
+            if joint in measures or _is_no_place(joint, ahead) or (turns and len(axes) == 4)
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
@@ -201,12 +201,13 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     return best
 
 
-def _is_no_place(name: str, *, ahead: bool) -> bool:
+def _is_no_place(name: str, ahead: Collection[tuple[str, ...]]) -> bool:
     """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place.
 
-    Where there are vectors ahead (Unity's `forward`) there may be others up and to the right.
+    What has a vector `ahead` (Unity's `head_forward`) may have others up and to the right; `hand_right` is a joint.
     """
-    if ahead and words_of(name)[-1:] in (["forward"], ["up"], ["right"]):
+    *front, last = words_of(name) or [""]
+    if last in ("forward", "up", "right") and (*front,) in ahead:
         return True
     ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
     # ROS puts `field.` in front of all its names.

@@ -1,6 +1,6 @@
 """Markers or joint centres over time, as in C3D, TRC and tables, made into a clip of those that were seen."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +19,8 @@ from kinespace.library.skeleton import Skeleton
 _FAR = 8.0
 #: Two joints of a body keep their distance: it spreads over the frames by less than this share.
 _STEADY = 0.2
+#: Markers of one segment are nearer to each other, in shares of how far half of all are from the middle; people never.
+_NEAR = 0.5
 #: Share of the markers whose absence makes a frame one without a body, the first that leaves half of the markers.
 _ABSENT = (0.5, 0.25, 0.0)
 #: Markers that a remark lists, at most.
@@ -75,7 +77,10 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         raise ValueError(f"expected at least 2 labelled points, got {len(kept)}{others}")
     memory.require_numbers(len(positions) * len(kept) * 3)
     aside = [f"left out: {unnamed} without a name; --joints '*' takes all"] if unnamed else []
-    clips, people = list[Clip](), people_in([labels[index] for index in kept])
+    named = [labels[index] for index in kept]
+    clips, people = list[Clip](), people_in(named)
+    if _are_markers(people, named, positions[:, kept]):
+        people = {"": dict(enumerate(named))}
     theirs = {place for own in people.values() for place in own}
     if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
         aside.append(f"left out: no performer's: {listed(things, 5)}")
@@ -97,6 +102,18 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
 def is_seen(positions: Positions) -> bool:
     """Say whether there is a person: two markers or more are seen at some time; positions as for `clips_of_markers`."""
     return bool(np.isfinite(_seen(positions)[:, :, 0]).any(axis=0).sum() > 1)
+
+
+def _are_markers(people: Mapping[str, Mapping[int, str]], labels: Sequence[str], positions: Positions) -> bool:
+    """Say whether numbers behind names count markers of one body (`LThigh1`, `LThigh2`): those of a name are near."""
+    first, *others = people.values()
+    if not others or not all(map(str.isdecimal, people)) or any(labels[place] == name for place, name in first.items()):
+        return False
+    seen, second = _seen(positions), {name: place for place, name in others[0].items()}
+    both = [(place, second[name]) for place, name in first.items() if name in second]
+    apart = np.linalg.norm(np.diff(seen[:, both], axis=2), axis=3)
+    apart = apart[np.isfinite(apart)]
+    return bool(len(apart)) and float(np.median(apart)) < _NEAR * _from_middle(seen)[1]
 
 
 def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:

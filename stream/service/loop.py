@@ -344,10 +344,10 @@ class Service:
         if self._control:
             self._control.tend(self._clock())
 
-    def _deal_with(self, taken: Sequence[Taken], *, newest_only: bool = False) -> int:
+    def _deal_with(self, taken: Sequence[Taken], *, newest_only: bool = False) -> None:
         """Recognise frames, publish the answers, and count them."""
         if not taken:
-            return 0
+            return
         events = [each.event for each in taken]
         answers = self.performers.push_all(events, self._clock(), newest_only=newest_only)
         for answer, (_, started, waited) in zip(answers, taken, strict=True):
@@ -357,7 +357,6 @@ class Service:
             if isinstance(event, Frame):
                 self._frames[event.performer] += 1
                 tell(self._watching, event)
-        return len(events) - answers.count(None)
 
     def _as_answered(self, recognition: Recognition) -> Recognition:
         """Give an answer as listeners get it: nothing is known before anything is taught, or in a lesson."""

@@ -28,8 +28,10 @@ METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for w
 _MAX_IN_METRES = 16.0
 #: The size up to which the unit is a centimetre; beyond, it is a millimetre.
 _MAX_IN_CENTIMETRES = 500.0
-#: Frames in which the size is measured, about; and times as far from the middle as half of the joints.
+#: Frames in which the size is measured, about; times as far from the middle as half of the joints.
 _LOOKS, _FAR = 256, 8.0
+#: Joints that may be no part of the body, at most, and one of how many.
+_MAX_ALIEN, _ALIEN = 3, 6
 
 
 @lru_cache(maxsize=256)
@@ -59,9 +61,10 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
         return 1.0
     some = seen[:: 1 + len(seen) // _LOOKS]
     away = np.linalg.norm(some - np.nanmedian(some, axis=1, keepdims=True), axis=2)
-    # A reference on the floor, or a thing, is no part of the body.
-    near = away <= _FAR * np.nanmedian(away)
-    own = np.where((near | ~near.any(axis=1, keepdims=True))[:, :, None], some, np.nan)
+    far = away > _FAR * np.nanmedian(away)
+    # A reference on the floor, or a thing, is no part of the body; many joints are: half of all may be a face's.
+    alien = far & (far.sum(axis=1, keepdims=True) <= min(_MAX_ALIEN, away.shape[1] // _ALIEN))
+    own = np.where(alien[:, :, None], np.nan, some)
     size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
     if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
         size *= 5

@@ -338,6 +338,7 @@ def _tables() -> dict[str, Kind]:
         "times that stand, a nominal rate": (table(first="Software : LSL_Kinect,Stream nominal rate : 60,Task : a\n\n", times=['"1,594038E+12"'] * len(BODY)), {}),
         "a comment's mark before the names, blanks": ("% " + table(mark=" "), {"ending": "txt"}),
         "a comment's mark before the names, tabs": ("%\t" + table(mark="\t"), {"ending": "txt"}),
+        "a comment's mark at the first name, no times": (table(clock=None, first="%"), {"rate": 30.0, "tells": "times: none"}),
         "slashes before the names, blanks": ("// " + table(mark=" "), {"ending": "txt"}),
         "numbers of no joint": ("time,left arm angle,hip value\n" + _lines([f"{time:.4f}", "1.0", "2.0"] for time in TIMES[:3]), {"reads": False, "tells": "without joints' positions"}),
         "three names in brackets": (_points("({:.4f}, {:.4f}, {:.4f})").replace(",".join(NAMES), ",".join(f"({name}PosX,{name}PosY,{name}PosZ)" for name in NAMES)), {}),

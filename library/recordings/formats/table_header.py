@@ -176,7 +176,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     for way in _WAYS:
         found, units, measures = dict[str, _Places](), set[str](), set[str]()
         for place, name in enumerate(row):
-            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#(' =\"").replace("°", "deg"))):
+            if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#%(' =\"").replace("°", "deg"))):
                 unit = (named.groupdict().get("unit") or "").lower()
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 is_name = unit.isdigit() or metres_of(unit or "m") is None

@@ -102,7 +102,7 @@ pytest: setup $(FETCHED)
 sanitize: setup
 	.ci/sanitize
 
-# Some minutes of packets made to break a feed, so many for each of 19 readers, and some ten of files made to break
+# Some minutes of packets made to break a feed, so many for each of 24 readers, and some ten of files made to break
 # theirs; `make test` sends ten thousand packets, and reads some hundred files.
 PACKETS ?= 60000
 FILES ?= 20000

@@ -12,10 +12,10 @@ from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.packet import remember
+from kinespace.stream.present import MAX_REMEMBERED, STEADY_FRAMES, STEADY_SECONDS, Present
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.carried import Carried, carried_by
 from kinespace.stream.recognizer.recognizer import (
-    MAX_PAUSE,
     Due,
     Recognizer,
     RecognizerCounts,
@@ -50,12 +50,6 @@ _MAX_SETS = 3
 _TOGETHER = 8
 #: Performers at once that may be asked for.
 MAX_PERFORMERS = 10_000
-#: The joint names, and the like, of so many times the maximum number of performers are remembered.
-MAX_REMEMBERED = 4
-#: A performer that was not answered for so many seconds makes room for a newcomer that sent so many frames in them: an
-#: answer needs a quarter of a second of feed, and names without a body behind them never get one.
-_STEADY_SECONDS = 1.0
-_STEADY_FRAMES = 12
 
 
 @dataclass(slots=True)
@@ -95,35 +89,19 @@ class _Performer:
     #: Joints of the last frame refused for its joints; 0 when none was refused since the joints were last named.
     refused_size: int = 0
 
+    def end(self) -> Event | None:
+        """End the motion that goes on."""
+        return self.recognizer.end()
 
-class Newcomers:
-    """Performers for whom there is no room.
-
-    Parameters
-    ----------
-    most
-        The number of performers for whom there is.
-    """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        #: Since when each has sent, and how many frames.
-        self._waiting: dict[str, tuple[float, int]] = {}
-
-    def is_steady(self, name: str, now: float) -> bool:
-        """Take in a frame of a newcomer; say whether frames come steadily."""
-        since, frames = self._waiting.get(name, (now, 0))
-        if now - since > _STEADY_SECONDS:
-            since, frames = now, 0
-        remember(self._waiting, name, (since, frames + 1), MAX_REMEMBERED * self._most)
-        return frames + 1 >= _STEADY_FRAMES
-
-    def forget(self, name: str) -> None:
-        """Forget a newcomer who found room."""
-        self._waiting.pop(name, None)
+    def is_idle(self, now: float) -> bool:
+        """Say whether it was never answered, or sends fewer frames a second than any feed has."""
+        seconds, counts = now - self.begun, self.recognizer.counts
+        return seconds > STEADY_SECONDS and (
+            not counts.hops or counts.frames * STEADY_SECONDS < STEADY_FRAMES * seconds
+        )
 
 
-class Performers:
+class Performers(Present[_Performer]):
     """One recogniser per performer.
 
     Parameters
@@ -166,15 +144,7 @@ class Performers:
             raise ValueError(f"most: expected 1 to {MAX_PERFORMERS} performers, got {most}")
         if not (math.isfinite(silence) and silence > 0):
             raise ValueError(f"silence: expected a positive number of seconds, got {silence}")
-        self.most, self.silence = most, silence
-        self._performers: dict[str, _Performer] = {}
-        #: Frames without room, and performers dropped.
-        self._no_room = self._dropped = 0
-        #: Ends of motions of performers who were dropped to make room, not given out yet.
-        self._ended: list[Event] = []
-        #: Performers who were dropped, not given out yet.
-        self._gone: list[str] = []
-        self._newcomers = Newcomers(most)
+        super().__init__(most, silence)
         # A sender may announce its joints once, so announcements are kept through a silence.
         self._announced: dict[str, Announcement] = {}
         self.settings = settings or Settings()
@@ -195,68 +165,6 @@ class Performers:
         #: Counts of recognisers that are no longer needed.
         self._past = RecognizerCounts()
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The performers now followed, in the order of their first frames."""
-        return tuple(self._performers)
-
-    def drop_silent(self, now: float) -> list[Event]:
-        """Forget performers that sent nothing for `silence` seconds; give the ends of their motions."""
-        self._drop_silent(now)
-        return self._take_ended()
-
-    def end_paused(self, now: float) -> list[Event]:
-        """Give the ends of the motions of performers who send nothing for now, as their next frames would show."""
-        paused = (each for each in self._performers.values() if now - each.newest > MAX_PAUSE)
-        return [event for each in paused if (event := each.recognizer.end())]
-
-    def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since the last call."""
-        gone, self._gone = self._gone, []
-        return gone
-
-    def end(self) -> list[Event]:
-        """Give the ends of all motions going on, because nothing more will come."""
-        return [*self._take_ended(), *(event for each in self._performers.values() if (event := each.recognizer.end()))]
-
-    def _take_ended(self) -> list[Event]:
-        ended, self._ended = self._ended, []
-        return ended
-
-    def _forget(self, name: str) -> None:
-        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
-        if performer := self._performers.pop(name, None):
-            self._retire(performer)
-            self._dropped += 1
-
-    def _drop_silent(self, now: float) -> None:
-        for name in [name for name, each in self._performers.items() if now - each.newest > self.silence]:
-            self._forget(name)
-            self._gone = [*self._gone[-MAX_REMEMBERED * self.most :], name]
-
-    def _performer(self, name: str, now: float) -> _Performer | None:
-        """Give a performer who sends something now; None when there is no room."""
-        performer = self._performers.get(name)
-        if performer is None:
-            if len(self._performers) >= self.most:
-                self._drop_silent(now)
-            if len(self._performers) >= self.most and not self._make_room(name, now):
-                return None
-            self._newcomers.forget(name)
-            self._gone = [each for each in self._gone if each != name]
-            performer = self._performers[name] = self._begin(name, now)
-        performer.newest = now
-        return performer
-
-    def _make_room(self, name: str, now: float) -> bool:
-        """Drop a performer that is idle, for a newcomer that sends steadily; say whether there is room."""
-        if not self._newcomers.is_steady(name, now):
-            return False
-        idle = next((other for other, each in self._performers.items() if _is_idle(each, now)), None)
-        if idle is not None:
-            self._forget(idle)
-        return idle is not None
-
     def _compare_with(self, index: WindowIndex, order: Sequence[str]) -> None:
         require_order(order, index.library)
         self._index, self._order = index, tuple(order)
@@ -274,7 +182,7 @@ class Performers:
     @property
     def opening(self) -> tuple[str, ...]:
         """The performers whose joints' windows are not open yet; by default none is ever."""
-        return tuple(name for name, performer in self._performers.items() if performer.is_waiting)
+        return tuple(name for name, performer in self._here.items() if performer.is_waiting)
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
         """Compare all performers with another library from now on (`Recognizer.exchange`).
@@ -292,7 +200,7 @@ class Performers:
         self.library.skeleton.require_same(index.library.skeleton)
         self._compare_with(index, order)
         self._sets.clear()
-        for performer in self._performers.values():
+        for performer in self._here.values():
             if performer.index is before:
                 self._exchange_for(performer, index)
             elif not performer.unusable:
@@ -315,7 +223,7 @@ class Performers:
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity from the next hop on; WINDOWS only."""
         self.settings = replace(self.settings, sensitivity=share)
-        for performer in self._performers.values():
+        for performer in self._here.values():
             performer.recognizer.set_sensitivity(share)
 
     __reduce__ = refuse_copies
@@ -327,26 +235,26 @@ class Performers:
             self._ended.append(ended)
 
     def __len__(self) -> int:
-        return len(self._performers)
+        return len(self._here)
 
     @property
     def counts(self) -> PerformerCounts:
         """Counts of all frames so far, by their fate; a copy."""
         total = replace(self._past)
-        for performer in self._performers.values():
+        for performer in self._here.values():
             total.add(performer.recognizer.counts)
         return PerformerCounts(self._no_room, self._other_joints, self._dropped, total, self._opening)
 
     @property
     def refused(self) -> dict[str, str]:
         """Performers, also some who have left, whose frames are refused for their joints or times; with the reason."""
-        untimely = {name: why for name, each in self._performers.items() if (why := each.recognizer.untimely)}
+        untimely = {name: why for name, each in self._here.items() if (why := each.recognizer.untimely)}
         return {**self._refused, **untimely}
 
     @property
     def doubted(self) -> dict[str, str]:
         """Performers with joints that cannot be believed, and the reason."""
-        return {name: doubt for name, each in self._performers.items() if (doubt := each.recognizer.doubt)}
+        return {name: doubt for name, each in self._here.items() if (doubt := each.recognizer.doubt)}
 
     @property
     def compared(self) -> dict[str, str]:
@@ -355,7 +263,7 @@ class Performers:
         Also performers of another kind of feed than the library's, or whose joints move unlike the library's, or in a
         plane.
         """
-        notes = {name: (self._described(each), each.recognizer.oddity) for name, each in self._performers.items()}
+        notes = {name: (self._described(each), each.recognizer.oddity) for name, each in self._here.items()}
         return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
@@ -363,7 +271,7 @@ class Performers:
 
         A joint's parent is the nearest one above it in the library's skeleton, or in HDM05's if the library has none.
         """
-        performer = self._performers.get(name)
+        performer = self._here.get(name)
         if performer is None:
             return None
         own = self.library.skeleton if self.library.skeleton.parents else hdm05.SKELETON
@@ -371,7 +279,7 @@ class Performers:
 
     def carried(self, name: str) -> Carried | None:
         """Say which joints carry the last answer to a performer; None without an answer."""
-        performer = self._performers.get(name)
+        performer = self._here.get(name)
         given = performer.recognizer.pair_contributions() if performer else None
         if performer is None or given is None:
             return None
@@ -399,7 +307,7 @@ class Performers:
         arrival
             When, seconds on our clock.
         """
-        performer = self._performer(announcement.performer, arrival)
+        performer = self._come(announcement.performer, arrival)
         if performer is None:
             return
         if self._announced.get(announcement.performer) == announcement and performer.joints == announcement.joints:
@@ -457,7 +365,7 @@ class Performers:
             raise ValueError(f"{len(joints)} of them among the {compared} compared, expected {MIN_JOINTS} at least")
         if joints not in self._sets and len(self._sets) >= _MAX_SETS:
             # Sets of performers who have left, or who send other joints now, make room.
-            self._sets &= {each.index.library.skeleton.joints for each in self._performers.values()}
+            self._sets &= {each.index.library.skeleton.joints for each in self._here.values()}
         if joints not in self._sets and len(self._sets) >= _MAX_SETS:
             raise ValueError(f"{_MAX_SETS} performers send other sets of joints already")
         self._sets.add(joints)
@@ -492,7 +400,7 @@ class Performers:
         for place, event in enumerate(events):
             # Nothing else happens to a performer before it is answered, and whoever begins may make another one leave.
             name = event.performer
-            if len(waiting) >= together or (waiting and (name in waiting or name not in self._performers)):
+            if len(waiting) >= together or (waiting and (name in waiting or name not in self._here)):
                 _answer(waiting, answers)
             if isinstance(event, Announcement):
                 self.announce(event, arrival)
@@ -500,7 +408,7 @@ class Performers:
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
             elif isinstance(event, Frame):
-                if newest and (performer := self._performers.get(event.performer)):
+                if newest and (performer := self._here.get(event.performer)):
                     performer.recognizer.only_follow(newest[event.performer])
                 if due := self._take(event, arrival):
                     waiting[event.performer] = place, due
@@ -521,7 +429,7 @@ class Performers:
         return answers_to([due])[0] if due else None
 
     def _take(self, frame: Frame, arrival: float) -> Due | None:
-        performer = self._performers.get(frame.performer) or self._performer(frame.performer, arrival)
+        performer = self._here.get(frame.performer) or self._come(frame.performer, arrival)
         if performer is None:
             self._no_room += 1
             return None
@@ -544,7 +452,7 @@ class Performers:
 
         A joint that the sender lacks stands where the nearest one is, along the bones.
         """
-        performer = self._performers.get(frame.performer)
+        performer = self._here.get(frame.performer)
         if performer is None or len(frame.positions) != len(performer.joints):
             return None
         if performer.filled is not None:
@@ -564,11 +472,10 @@ class Performers:
             why = f"{size} joints, but {named} names were sent"
         remember(self._refused, name, why, MAX_REMEMBERED * self.most)
 
-    def _retire(self, performer: _Performer) -> None:
+    def _retire(self, followed: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
-        self._past.add(performer.recognizer.counts)
-        if ended := performer.recognizer.end():
-            self._ended.append(ended)
+        self._past.add(followed.recognizer.counts)
+        super()._retire(followed)
 
     def _begin(self, name: str, now: float) -> _Performer:
         recognizer = Recognizer(self._index, self.settings, self._views, self._order)
@@ -584,12 +491,6 @@ def _answer(waiting: dict[str, tuple[int, Due]], answers: list[Recognition | Non
     for (place, _), answer in zip(waiting.values(), answers_to([due for _, due in waiting.values()]), strict=True):
         answers[place] = answer
     waiting.clear()
-
-
-def _is_idle(performer: _Performer, now: float) -> bool:
-    """Say whether a performer was never answered, or sends fewer frames a second than any feed has."""
-    seconds, counts = now - performer.begun, performer.recognizer.counts
-    return seconds > _STEADY_SECONDS and (not counts.hops or counts.frames * _STEADY_SECONDS < _STEADY_FRAMES * seconds)
 
 
 def _in_order(frame: Frame, performer: _Performer) -> Frame:

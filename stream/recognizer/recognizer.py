@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kinespace.library import NOTHING, MotionLibrary, WindowIndex, by_joints, distance_rows
 from kinespace.library.signature.body import Body
 from kinespace.stream.frame import Frame
+from kinespace.stream.present import MAX_PAUSE
 from kinespace.stream.recognition import Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
 from kinespace.stream.recognizer.done import Asked, DoneFollower, Look, costs_of
@@ -40,8 +41,6 @@ _MAX_WAITING = 24
 #: Frames in a row that may be older than the newest before the sender is taken to have started again. A frame older
 #: than the longest window means so at once.
 _PATIENCE = 10
-#: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
-MAX_PAUSE = 0.8
 #: Gaps after which most frames are expected to come without one.
 _GAPS = 3
 #: Tolerance, as a share of the hop: a frame this much early still counts as due, because times are rounded.

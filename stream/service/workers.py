@@ -35,11 +35,11 @@ from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.packet import IdleSource, remember
+from kinespace.stream.present import MAX_REMEMBERED, Present
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts, SentJoints, Settings
 from kinespace.stream.recognizer.decision import Events
-from kinespace.stream.recognizer.performers import MAX_REMEMBERED, Newcomers, PerformerCounts
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE
+from kinespace.stream.recognizer.performers import PerformerCounts
 from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
 from kinespace.stream.service.loop import Service
@@ -247,6 +247,10 @@ class Track:
         decide = self.events.push if answer.classes == classes else self.events.ends
         return replace(answer, events=decide(answer)), kept.arrival
 
+    def is_idle(self, now: float) -> bool:
+        """Say whether no answer has come for some time."""
+        return now - self.heard >= _UNHEARD
+
     def is_owed(self, hop: float) -> bool:
         """Whether a frame that was sent will still be answered."""
         return bool(self.answered) and self.newest - self._answered_at >= hop
@@ -291,7 +295,7 @@ def _told(what: str) -> property:
     return property(lambda self: {name: why for each in self._reports for name, why in getattr(each, what).items()})
 
 
-class Gateway:
+class Gateway(Present[Track]):
     """Takes the place of `Performers`.
 
     Parameters
@@ -325,22 +329,19 @@ class Gateway:
     """
 
     def __init__(self, count: int, library: MotionLibrary | WindowIndex, terms: Terms) -> None:
+        super().__init__(terms.most, terms.silence)
         self.terms = terms
         self._know(library, terms.classes)
-        self.most, self.silence = terms.most, terms.silence
         self.publish: Callable[[Recognition, float], None] = lambda *_: None
         self.outdated = self.unsent = 0
-        self._tracks: dict[str, Track] = {}
-        self._newcomers = Newcomers(self.most)
         # A sender may announce its joints once, so announcements are kept through a silence.
         self._announced: dict[str, tuple[str, ...]] = {}
-        self._ended, self._gone = list[Event](), list[str]()
         #: The processes by their names; those that recognise have sent a report.
         self._workers: dict[str, _Process] = {}
         self._numbers = itertools.count(1)
         #: The counts of workers that have ended.
         self._past = Report(PerformerCounts())
-        self._no_room = self._dropped = self._lost = 0
+        self._lost = 0
         self._last_lost, self._looked = "", time.monotonic()
         with ExitStack() as opened:
             # Only this user can open the folder. Windows has no such sockets.
@@ -368,11 +369,6 @@ class Gateway:
     # --- as `Performers` ---
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The performers now followed, in the order of their first frames."""
-        return tuple(self._tracks)
-
-    @property
     def settings(self) -> Settings:
         """The settings of all recognisers."""
         return self.terms.settings
@@ -396,7 +392,7 @@ class Gateway:
         """Compare all performers with another library soon; end the motions whose class it lacks."""
         self._know(library, order)
         self._tell_all(self._packed)
-        return [event for each in self._tracks.values() if (event := each.exchange(self.classes, self._lead))]
+        return [event for each in self._here.values() if (event := each.exchange(self.classes, self._lead))]
 
     @property
     def reported(self) -> Report:
@@ -418,7 +414,7 @@ class Gateway:
 
     def skeleton_of(self, name: str) -> Skeleton | None:
         """Give the joints of a performer's frames, by our names where we know them; None for an unknown performer."""
-        if name not in self._tracks:
+        if name not in self._here:
             return None
         own = self._skeleton if self._skeleton.parents else hdm05.SKELETON
         return own.linked(self._joints_of(name))
@@ -436,31 +432,13 @@ class Gateway:
             return frame
         return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
 
-    def drop_silent(self, now: float) -> list[Event]:
-        """Forget performers that sent nothing for `silence` seconds; give the ends of motions."""
-        for name in [name for name, each in self._tracks.items() if now - each.newest > self.silence]:
-            self._forget(name)
-            self._gone = [*self._gone[-MAX_REMEMBERED * self.most :], name]
-        ended, self._ended = self._ended, []
-        return ended
-
-    def end_paused(self, now: float) -> list[Event]:
-        """Give the ends of the motions of performers who send nothing for now."""
-        paused = (each for each in self._tracks.values() if now - each.newest > MAX_PAUSE)
-        return [event for each in paused if (event := each.end())]
-
-    def take_gone(self) -> list[str]:
-        """Give the performers who were dropped since the last call."""
-        gone, self._gone = self._gone, []
-        return [name for name in gone if name not in self._tracks]
-
     def end(self) -> list[Event]:
         """Wait for the last answers; give the ends of all motions going on, because no more frames will come."""
         until, hop = time.monotonic() + _MAX_ENDING, self.settings.hop
-        while time.monotonic() < until and any(each.is_owed(hop) for each in self._tracks.values() if each.worker):
+        while time.monotonic() < until and any(each.is_owed(hop) for each in self._here.values() if each.worker):
             time.sleep(0.001)
             self.read()
-        return [*self._ended, *(event for each in self._tracks.values() if (event := each.end()))]
+        return super().end()
 
     def push_all(
         self, events: Sequence[Admitted], arrival: float, *, newest_only: bool = False
@@ -486,7 +464,7 @@ class Gateway:
 
     def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[SentFrame]]) -> None:
         """Add a frame to those of the worker that answers it, if there is room for its performer."""
-        if (track := self._track(frame.performer, arrival)) is None:
+        if (track := self._come(frame.performer, arrival)) is None:
             self._no_room += 1
             return
         sent = track.send(frame, self._announced.get(frame.performer))
@@ -495,31 +473,9 @@ class Gateway:
         else:
             self.unsent += 1
 
-    def _track(self, name: str, now: float) -> Track | None:
-        """Give a performer who sends a frame now; None when there is no room."""
-        track = self._tracks.get(name)
-        if track is None:
-            if len(self._tracks) >= self.most:
-                # On a machine that cannot keep up answers are late: one packet of a stranger drops nobody.
-                if not self._newcomers.is_steady(name, now):
-                    return None
-                idle = min(self._tracks, key=lambda other: self._tracks[other].heard)
-                if now - self._tracks[idle].heard < _UNHEARD:
-                    return None
-                self._forget(idle)
-                self._gone.append(idle)
-            self._newcomers.forget(name)
-            worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
-            track = self._tracks[name] = Track(now, now, Events(self._lead), worker)
-        track.newest = now
-        return track
-
-    def _forget(self, name: str) -> None:
-        """Forget a performer; the end of its motion is given out with the ends of silent performers."""
-        if track := self._tracks.pop(name, None):
-            self._dropped += 1
-            if ended := track.end():
-                self._ended.append(ended)
+    def _begin(self, name: str, now: float) -> Track:  # noqa: ARG002 - as any of `Present`
+        worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
+        return Track(now, now, Events(self._lead), worker)
 
     # --- workers ---
 
@@ -553,7 +509,7 @@ class Gateway:
 
     def _load(self) -> dict[str, int]:
         """Count the performers of each worker."""
-        counts = Counter(each.worker for each in self._tracks.values())
+        counts = Counter(each.worker for each in self._here.values())
         return {worker: counts[worker] for worker in self.ready}
 
     def _balance(self, now: float) -> None:
@@ -562,7 +518,7 @@ class Gateway:
             return
         most = max(load, key=load.__getitem__)
         spared = most if load[most] > min(load.values()) + 1 else None
-        for name, track in self._tracks.items():
+        for name, track in self._here.items():
             if track.worker in load and track.worker != spared:
                 continue
             if track.worker == spared:
@@ -592,7 +548,7 @@ class Gateway:
         if each.report:
             self._past, each.report = _summed([self._past, each.report]), None
             self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
-            for track in self._tracks.values():
+            for track in self._here.values():
                 track.worker = "" if track.worker == worker else track.worker
             self._balance(time.monotonic())
 
@@ -617,7 +573,7 @@ class Gateway:
 
     def _accept(self, worker: str, answer: Recognition, now: float) -> None:
         """Pass on an answer, if it is its performer's worker's, and news."""
-        track = self._tracks.get(answer.performer)
+        track = self._here.get(answer.performer)
         if track and track.worker == worker and (accepted := track.accept(answer, self.classes)):
             recognition, arrival = accepted
             self.publish(recognition, max(now - arrival, 0.0))

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from kinespace.library import NOTHING, Clip, Skeleton
 from kinespace.library.recordings.formats.measures import MAX_GAP, evened
 from kinespace.stream.frame import Frame
+from kinespace.stream.present import MAX_PAUSE
 from kinespace.stream.recognition import Event, EventKind
-from kinespace.stream.recognizer.recognizer import MAX_PAUSE
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching import movement as moving
 from kinespace.stream.teaching.commands import UNDONE, Changed, Command, State, Step, Taught, Told, Tried

@@ -266,6 +266,7 @@ def teaches(page: "Page", performer: Performer) -> None:
     until(page, "getComputedStyle(document.querySelector('.stage .lesson i')).getPropertyValue('--share') >= 0")
     performer.show(takes(SQUAT)[0])
     until(page, "kinespace.control.taught['my squat'] === 1 && document.querySelector('#name').value === ''")
+    assert page.evaluate(f"{LESSON}.textContent") == ""
     moves_at_will(page, performer)
     # Another example, by the button of the class and by the key.
     for again in (lambda: page.click("[aria-label='another example of my squat']"), lambda: page.keyboard.press("a")):

@@ -1,5 +1,6 @@
 """Presets: the built-in ones are complete, and a mistake in a user's own is one line with its place."""
 
+import itertools
 import json
 import struct
 import tomllib
@@ -131,6 +132,27 @@ def test_xsens_reads_the_body_alone() -> None:
     assert unpack_xsens(header + segments) == body
     assert unpack_xsens(header.replace(b"MXTP02", b"MXTP13") + segments) == []
     assert unpack_xsens(struct.pack(">6sIBBIBBBBHH", b"MXTP02", *[0] * 10)) == []
+
+
+@pytest.mark.parametrize(
+    ("address", "before", "performer"),
+    [
+        *(("/{}", "", "me"), ("/ann/{}", "", "ann"), ("/joint", "{}", "me"), ("/joint", "ann {}", "ann")),
+        *(("/joint", "{} ann", "ann"), ("/ann/joint", "{}", "ann"), ("/{}/position", "", "me")),
+        *(("/ann/{}/position", "", "ann"), ("/skeleton/ann/{}", "", "ann"), ("/skeleton/{}/position", "", "me")),
+        *(("/skeleton/ann/{}/position", "", "ann"), ("/ann/{}/rotation", "", None), ("/rot/{}", "", None)),
+    ],
+)
+def test_a_message_a_joint_may_be_written_in_many_ways(address: str, before: str, performer: str | None) -> None:
+    """The joint's name stands in the address or before its place; numbers that are no place are nobody's."""
+    decoder, made = FeedDecoder(builtin_preset("joints")), list[Announcement | Frame]()
+    for step, name in itertools.product(range(20), ("Hips", "Spine", "Head", "LeftHand", "RightHand")):
+        words = before.format(name).split()
+        packet = message(address.format(name), "s" * len(words) + "fff", *words, float(len(name)), 1.0, step / 10)
+        made += decoder.decode(packet, 1 + step / 30, ("127.0.0.1", 9000))
+    assert {each.performer for each in made} == ({performer} if performer else set())
+    assert [len(each.joints) for each in made if isinstance(each, Announcement)] == ([5] if performer else [])
+    assert sum(isinstance(each, Frame) for each in made) == (19 if performer else 0)
 
 
 @pytest.mark.parametrize(

@@ -256,6 +256,10 @@ def test_at_the_end_all_that_goes_on_is_ended_once(sticks: MotionLibrary) -> Non
         assert _told(ended) == [("a", "end", "bow"), ("b", "end", "wave")]
         assert [event.time for event in ended] == pytest.approx([1.0 + 239 / 120] * 2)
         assert performers.end() == []
+    performers = Performers(sticks, most=1)
+    _pushed(performers, _frames("a", "bow", frames=240, start=1.0), 1.0)
+    performers.push(Frame("b", 1.0, POSE), 6.1)
+    assert (_told(performers.drop_silent(6.2)), performers.take_gone()) == ([("a", "end", "bow")], ["a"])
 
 
 def test_there_is_room_for_only_so_many(sticks: MotionLibrary) -> None:
@@ -284,7 +288,7 @@ def test_the_silent_and_the_idle_make_room(sticks: MotionLibrary) -> None:
     for index in range(12):
         assert performers.names == ("b",)
         performers.push(Frame("c", index / 30, POSE), 3.2 + index / 30)
-    assert performers.names == ("c",)
+    assert (performers.names, performers.take_gone()) == (("c",), ["a", "b"])
     # Who is answered stays; a newcomer that sends now and then gets no room.
     frames = _frames("c", "bow", frames=480, start=9.0)
     for index, frame in enumerate(frames):
@@ -330,7 +334,7 @@ def test_the_sensitivity_is_everybodys(sticks: MotionLibrary) -> None:
     performers.push(Frame("b", 0.0, POSE), 0.0)
     assert performers.sensitivity == 0.35
     assert Performers(sticks, Settings(sensitivity=0.1)).sensitivity == 0.1
-    assert {each.recognizer.settings.sensitivity for each in performers._performers.values()} == {0.35}  # noqa: SLF001
+    assert {each.recognizer.settings.sensitivity for each in performers._here.values()} == {0.35}  # noqa: SLF001
 
 
 @pytest.mark.parametrize(("named", "n"), [("most", 0), ("most", -1), *(("silence", n) for n in (0, np.inf, np.nan))])

@@ -297,6 +297,7 @@ def test_every_python_example_runs(tmp_path: Path) -> None:
     assert all(printed.strip() for printed in done.stdout.split("=====\n")[: len(PYTHON)])
 
 
+@pytest.mark.skipif(not (ROOT / ".venv/packages").exists(), reason="make types lays the packages out")
 @pytest.mark.slow
 def test_every_python_example_passes_a_strict_type_checker(tmp_path: Path) -> None:
     """Types say as much as the docstrings: texts for signatures, lists for arrays and names."""
@@ -311,13 +312,11 @@ paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
 """
     for number, code in enumerate([*PYTHON, further]):
         (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
-    (tmp_path / "kinespace").symlink_to(ROOT / ".venv/packages/kinespace")
-    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", *sorted(map(str, tmp_path.glob("*.py")))]
-    command += ["--cache-dir", str(ROOT / ".mypy_cache" / "examples"), "--ignore-missing-imports"]
-    command += ["--disable-error-code=import-untyped"]
-    environment = {**os.environ, "MYPYPATH": str(tmp_path)}
-    checked = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "\n".join(line for line in checked.stdout.splitlines() if line.startswith("example")) == ""
+    # By the settings of `make types`, so that what it has learned of our modules need not be learned again.
+    command = [sys.executable, "-m", "mypy", *sorted(map(str, tmp_path.glob("*.py")))]
+    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    said = [line for line in checked.stdout.splitlines() if "/example" in line and "[import-" not in line]
+    assert "\n".join(said) == checked.stderr == ""
 
 
 def test_every_command_shown_exists() -> None:

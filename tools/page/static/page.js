@@ -394,7 +394,13 @@ byId("sensitivity").addEventListener("change", ({ target }) => ask({ do: "sensit
 
 function takeNotice({ at, performer: name, state, seconds, reason, taught, check, tried, examples }) {
   const old = page.now - at > OLD;
-  if (taught && !old) { if (byId("name").value.trim() === taught) byId("name").value = ""; say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}${tried && `; it would have been ${tried}`}`); return; }
+  if (taught) {
+    // Also where this page was too busy to hear it in time.
+    if (byId("name").value.trim() === taught) byId("name").value = "";
+    for (const { lesson } of page.performers.values()) if (lesson.textContent === "checking") lesson.replaceChildren();
+    if (!old) say(`${taught}: ${examples} ${examples === 1 ? "example" : "examples"}, ${check}${tried && `; it would have been ${tried}`}`);
+    return;
+  }
   const performer = page.performers.get(name);
   // How much a performer moves who is waited for: a bar that fills; or that movement is free.
   const goes = ["waiting", "recording"].includes(state) && reason;

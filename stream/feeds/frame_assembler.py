@@ -169,9 +169,9 @@ class FrameAssembler:
                 self.counts.malformed += 1
                 self.why_malformed = str(error)
                 continue
-            if reading is None:
+            if reading is None or reading.means is Means.NOTHING:
                 self.counts.foreign += 1
-            elif reading.means not in (Means.NAME, Means.ORDER, Means.NOTHING):
+            elif reading.means not in (Means.NAME, Means.ORDER):
                 touched |= dict.fromkeys(self._take(reading, packet))
         if bundle:
             for name in touched:

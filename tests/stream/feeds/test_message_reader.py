@@ -153,6 +153,7 @@ def test_a_message_a_joint_may_be_written_in_many_ways(address: str, before: str
     assert {each.performer for each in made} == ({performer} if performer else set())
     assert [len(each.joints) for each in made if isinstance(each, Announcement)] == ([5] if performer else [])
     assert sum(isinstance(each, Frame) for each in made) == (19 if performer else 0)
+    assert decoder.counts.foreign == (0 if performer else 100)
 
 
 @pytest.mark.parametrize(

@@ -106,9 +106,9 @@ class Mapper:
                 continue
             if reading is None:
                 continue
-            if reading.means not in (Means.FRAME, Means.JOINT) or len(ways) == 1:
+            if reading.means is not Means.FRAME or len(ways) == 1:
                 return reading
-            # Groups of one length can look like groups of another, a performer like a joint: the names decide.
+            # Groups of one length can look like groups of another: the names in them decide.
             if best is None or len(reading.sightings) > len(best.sightings):
                 best = reading
         if ways and best is None:

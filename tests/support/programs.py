@@ -37,7 +37,7 @@ SMALL_ACTORS = ("bd", "dg", "mm")
 ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = "127.0.0.1"
 #: Seconds that a child may take for one step before the test fails; a busy machine is slow.
-PATIENCE = 90.0
+PATIENCE = 240.0
 #: Warnings are errors in the children too; a child reports a leaked socket on its standard error.
 _COMMAND = (sys.executable, "-W", "error", "-m", "kinespace")
 _POLL = 0.01

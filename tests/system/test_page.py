@@ -158,7 +158,7 @@ def until(page: "Page", condition: str) -> None:
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; Debian's package of that name has it")
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(590)
 def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
     """One visit, from an empty stage to a taught motion that is recognised, and beyond a restart of the recogniser."""
     from axe_playwright_python.sync_playwright import Axe  # noqa: PLC0415 - as above

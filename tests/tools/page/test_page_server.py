@@ -565,7 +565,7 @@ def danced(client: waiting.ClientConnection, joints: tuple[str, ...]) -> None:
             placed = {"t": 100 * again + cue.frame.time, "positions": cue.frame.positions.tolist()}
             client.send(json.dumps({"performer": "ann", **placed, **named}))
         with suppress(TimeoutError):
-            heard(client, "event", PATIENCE / 10, performer="ann", event="start", **{"class": "squat1Reps"})
+            heard(client, "event", PATIENCE / 30, performer="ann", event="start", **{"class": "squat1Reps"})
             return
     raise AssertionError("no squat has begun")
 

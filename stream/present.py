@@ -1,5 +1,6 @@
 """Who is here: performers who come, make room for others, fall silent and leave; in this process or in workers."""
 
+from abc import ABC, abstractmethod
 from typing import Generic, Protocol, TypeVar
 
 from kinespace.stream.packet import remember
@@ -30,7 +31,7 @@ class Followed(Protocol):
 AnyFollowed = TypeVar("AnyFollowed", bound=Followed)
 
 
-class Present(Generic[AnyFollowed]):
+class Present(ABC, Generic[AnyFollowed]):
     """The performers who are here: who comes, makes room, falls silent and leaves.
 
     Parameters
@@ -110,9 +111,9 @@ class Present(Generic[AnyFollowed]):
             self._let_go(idle)
         return idle is not None
 
+    @abstractmethod
     def _begin(self, name: str, now: float) -> AnyFollowed:
         """Follow a performer who comes now."""
-        raise NotImplementedError
 
     def _let_go(self, name: str) -> None:
         """Forget a performer who is told to be gone."""

@@ -36,7 +36,7 @@ Views = Callable[[WindowIndex, tuple[str, ...]], WindowIndex | None]
 _SAME_HOP = 0.01
 #: Seconds between two turns of a performer in overload, at most: after more its clock has jumped, or it was silent.
 _LONGEST_TURN = 5.0
-#: Frames that wait for the next hop to be measured together, at most.
+#: Frames that wait for the next hop to be measured together, at most: as many as wait for a turn in overload.
 _MAX_WAITING = 24
 #: Frames in a row that may be older than the newest before the sender is taken to have started again. A frame older
 #: than the longest window means so at once.

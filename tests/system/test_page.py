@@ -5,7 +5,7 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -275,47 +275,51 @@ def teaches(page: "Page", performer: Performer) -> None:
         page.click("#teach button:has-text('Cancel')")
         until(page, f"{LESSON}.textContent === ''")
         page.evaluate("document.activeElement.blur()")
-    confirms_a_squat(page, performer)
+    until_taught(page, "kinespace.control.taught['my squat'] === 2", lambda: confirms_a_squat(page, performer))
     until(page, "kinespace.motions['my squat'].frames.length > 5")
-    calls_a_kick_nothing(page, performer)
+    until_taught(page, "kinespace.control.taught.nothing === 1", lambda: calls_a_kick_nothing(page, performer))
     until(page, "[...kinespace.performers.get('ann').motions.values()].some((each) => each.mark === 'wrong')")
     page.click("#teach button:has-text('Undo')")
     until(page, "!('nothing' in kinespace.control.taught)")
-    teaches_the_past(page, performer)
+    until_taught(page, "kinespace.control.taught['my kick'] === 1", lambda: teaches_the_past(page, performer))
+    until(page, "span === null")
+    until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
     # A refusal is told in words, for some seconds.
     page.click("#teach button:has-text('Stop')")
     until(page, "document.querySelector('#said').textContent.startsWith('refused')")
     until(page, "document.querySelector('#said').textContent === ''")
 
 
-def confirms_a_squat(page: "Page", performer: Performer) -> None:
-    """See a squat and say that it was right; another one where it was named for a moment alone: too short to teach."""
-    taught = "kinespace.control.taught['my squat'] === 2"
+def until_taught(page: "Page", taught: str, show: Callable[[], None]) -> None:
+    """Show an example until it is taken: a busy machine loses frames, or names a motion for a moment alone."""
     for _ in range(6):
         until(page, "document.querySelector('#said').textContent === ''")
-        sees_motion(page, performer, "my squat", takes(SQUAT)[2])
-        until(page, "document.querySelector('#last').textContent === 'was my squat right?'")
-        page.click("#teach button:has-text('Right')")
+        show()
         until(page, f"{taught} || document.querySelector('#said').textContent.startsWith('refused')")
         if page.evaluate(taught):
             break
     until(page, taught)
+
+
+def confirms_a_squat(page: "Page", performer: Performer) -> None:
+    """See a squat and say that it was right."""
+    sees_motion(page, performer, "my squat", takes(SQUAT)[2])
+    until(page, "document.querySelector('#last').textContent === 'was my squat right?'")
+    page.click("#teach button:has-text('Right')")
+
+
+def sees_a_kick(page: "Page", performer: Performer) -> None:
+    """See a whole kick."""
+    sees_motion(page, performer, KICK, takes(KICK)[2])
+    until(page, f"{DOING}.textContent === ''")
 
 
 def calls_a_kick_nothing(page: "Page", performer: Performer) -> None:
-    """Say that a kick was nothing; another kick if a busy machine lost frames of it."""
-    taught = "kinespace.control.taught.nothing === 1"
-    for _ in range(6):
-        until(page, "document.querySelector('#said').textContent === ''")
-        sees_motion(page, performer, KICK, takes(KICK)[2])
-        until(page, f"{DOING}.textContent === ''")
-        page.click("#motions button:has-text('kick') >> nth=-1")
-        page.select_option("#meant", "nothing")
-        page.click("#wrong button.main")
-        until(page, f"{taught} || document.querySelector('#said').textContent.startsWith('refused')")
-        if page.evaluate(taught):
-            break
-    until(page, taught)
+    """See a kick and say that it was nothing."""
+    sees_a_kick(page, performer)
+    page.click("#motions button:has-text('kick') >> nth=-1")
+    page.select_option("#meant", "nothing")
+    page.click("#wrong button.main")
 
 
 def moves_at_will(page: "Page", performer: Performer) -> None:
@@ -332,20 +336,11 @@ def moves_at_will(page: "Page", performer: Performer) -> None:
 
 
 def teaches_the_past(page: "Page", performer: Performer) -> None:
-    """Drag over the last kick on the timeline, and name it; over another kick if a busy machine lost frames of it."""
-    taught = "kinespace.control.taught['my kick'] === 1"
-    for _ in range(6):
-        until(page, "document.querySelector('#said').textContent === ''")
-        drags_over_the_last_kick(page)
-        page.keyboard.type("my kick")
-        page.keyboard.press("Enter")
-        until(page, f"{taught} || document.querySelector('#said').textContent.startsWith('refused')")
-        if page.evaluate(taught):
-            break
-        sees_motion(page, performer, KICK, takes(KICK)[2])
-        until(page, f"{DOING}.textContent === ''")
-    until(page, f"{taught} && span === null")
-    until(page, f"[...{MOTIONS}].some((each) => each.className === 'my kick' && each.mark === 'taught')")
+    """See a kick, drag over it on the timeline, and name it."""
+    sees_a_kick(page, performer)
+    drags_over_the_last_kick(page)
+    page.keyboard.type("my kick")
+    page.keyboard.press("Enter")
 
 
 def drags_over_the_last_kick(page: "Page") -> None:

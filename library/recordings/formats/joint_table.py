@@ -65,9 +65,8 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: What stands in a field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), or
-#: names, such a
-#: number, and the characters of such a field, at most.
+#: A field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), or of names; a number
+#: in it; and its characters, at most.
 _BRACKETS = re.compile(r"[(\[{](?:[-+\d.,;:='\"\sxyzeEnaNA]{1,120}|\w+(?:[,;] ?\w+){2})[)\]}]")
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120

@@ -28,8 +28,10 @@ METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for w
 _MAX_IN_METRES = 16.0
 #: The size up to which the unit is a centimetre; beyond, it is a millimetre.
 _MAX_IN_CENTIMETRES = 500.0
-#: Frames in which the size is measured, about; times as far from the middle as half of the joints.
-_LOOKS, _FAR = 256, 8.0
+#: Frames in which the size is measured, about.
+_LOOKS = 256
+#: What is so many times farther from a body's middle than half of its joints is no part of it.
+FAR = 8.0
 #: Joints that may be no part of the body, at most, and one of how many.
 _MAX_ALIEN, _ALIEN = 3, 6
 
@@ -60,10 +62,10 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     if not len(seen):
         return 1.0
     some = seen[:: 1 + len(seen) // _LOOKS]
-    away = np.linalg.norm(some - np.nanmedian(some, axis=1, keepdims=True), axis=2)
-    far = away > _FAR * np.nanmedian(away)
+    away, radius = from_middle(some)
+    far, there = away > FAR * radius, np.isfinite(away).sum(axis=1, keepdims=True)
     # A reference on the floor, or a thing, is no part of the body; many joints are: half of all may be a face's.
-    alien = far & (far.sum(axis=1, keepdims=True) <= min(_MAX_ALIEN, away.shape[1] // _ALIEN))
+    alien = far & (far.sum(axis=1, keepdims=True) <= np.minimum(_MAX_ALIEN, there // _ALIEN))
     own = np.where(alien[:, :, None], np.nan, some)
     size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
     if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
@@ -71,6 +73,15 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     if size <= _MAX_IN_METRES:
         return 1.0
     return 0.01 if size <= _MAX_IN_CENTIMETRES else 0.001
+
+
+def from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Give how far each joint is from its frame's middle joint, (frames, joints), and how far half of them are."""
+    seen = np.isfinite(positions[:, :, 0])
+    middle = np.full((len(positions), 3), np.nan)
+    middle[seen.any(axis=1)] = np.nanmedian(positions[seen.any(axis=1)], axis=1)
+    away = np.linalg.norm(positions - middle[:, None], axis=2)
+    return away, float(np.median(away[seen])) if seen.any() else 0.0
 
 
 #: Shape (frames,), seconds or in a file's unit; and shape (frames, joints, 3), metres or in a file's unit.

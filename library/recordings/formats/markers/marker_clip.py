@@ -11,12 +11,18 @@ from kinespace.library import memory
 from kinespace.library.clip import Clip
 from kinespace.library.naming import hdm05, listed
 from kinespace.library.recordings.formats.joint_choice import chosen, people_in, short_names
-from kinespace.library.recordings.formats.measures import MAX_GAP, Evened, Positions, Times, guessed_metres, laid
+from kinespace.library.recordings.formats.measures import (
+    FAR,
+    MAX_GAP,
+    Evened,
+    Positions,
+    Times,
+    from_middle,
+    guessed_metres,
+    laid,
+)
 from kinespace.library.skeleton import Skeleton
 
-#: A place that is held in several frames, and is so many times farther from a body's middle than half of its joints, is
-#: no place: programs write 9999 for markers that they do not see.
-_FAR = 8.0
 #: Two joints of a body keep their distance: it spreads over the frames by less than this share.
 _STEADY = 0.2
 #: Markers of one segment are nearer to each other, in shares of how far half of all are from the middle; people never.
@@ -113,7 +119,7 @@ def _are_markers(people: Mapping[str, Mapping[int, str]], labels: Sequence[str],
     both = [(place, second[name]) for place, name in first.items() if name in second]
     apart = np.linalg.norm(np.diff(seen[:, both], axis=2), axis=3)
     apart = apart[np.isfinite(apart)]
-    return bool(len(apart)) and float(np.median(apart)) < _NEAR * _from_middle(seen)[1]
+    return bool(len(apart)) and float(np.median(apart)) < _NEAR * from_middle(seen)[1]
 
 
 def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
@@ -150,8 +156,9 @@ def _seen(positions: Positions) -> Positions:
     if rooted.sum() == 1 and _is_around_origin(found[:, ~rooted]):
         nowhere[:, rooted] = False
     found[nowhere | ~np.isfinite(found).all(axis=2)] = np.nan
-    away, radius = _from_middle(found)
-    far = away > _FAR * radius
+    away, radius = from_middle(found)
+    # A place that is held in several frames is no place: programs write 9999 for markers that they do not see.
+    far = away > FAR * radius
     if far.any():
         places, counts = np.unique(found[far], axis=0, return_counts=True)
         for place in places[counts > 1]:
@@ -159,18 +166,9 @@ def _seen(positions: Positions) -> Positions:
     return found
 
 
-def _from_middle(positions: Positions) -> tuple[NDArray[np.float64], float]:
-    """Give how far each joint is from its frame's middle joint, (frames, joints), and how far half of them are."""
-    seen = np.isfinite(positions[:, :, 0])
-    middle = np.full((len(positions), 3), np.nan)
-    middle[seen.any(axis=1)] = np.nanmedian(positions[seen.any(axis=1)], axis=1)
-    away = np.linalg.norm(positions - middle[:, None], axis=2)
-    return away, float(np.median(away[seen])) if seen.any() else 0.0
-
-
 def _is_around_origin(positions: Positions) -> bool:
     """Say whether the middle of the joints is near the origin in every frame."""
-    _, radius = _from_middle(positions)
+    _, radius = from_middle(positions)
     middle = np.linalg.norm(np.nanmedian(positions, axis=1), axis=1)
     return positions.shape[1] < 2 or bool((middle <= radius).all())
 

@@ -211,6 +211,10 @@ def test_units_are_known_by_name_and_by_number() -> None:
         seen = np.array([[0.0, 0.0, 0.0], [0.0, size, 0.0], [np.nan] * 3])
         assert guessed_metres(np.stack([seen[[0, 2, 2]], seen, seen])) == metres
     assert guessed_metres(np.full((2, 3, 3), np.nan)) == 1.0
+    # Of two joints that a frame has neither is a thing, however far apart they are.
+    few = np.random.default_rng(0).normal(scale=0.4, size=(48, 12, 3))
+    few[5, 2:], few[5, :2] = np.nan, [[20.0, 0.0, 0.0], [-20.0, 0.0, 0.0]]
+    assert guessed_metres(few) == 1.0
     # Fingers that are not tracked stand at the wrist, and a face has most of the points.
     body, mesh = np.linspace([0, 0, 0], [0.5, 1.7, 0.3], 12), np.linspace([0.4, 1.5, 0.2], [0.42, 1.62, 0.24], 68)
     for many in (np.repeat(body[6:7], 20, axis=0), mesh):

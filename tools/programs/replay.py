@@ -254,7 +254,8 @@ def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterat
     first: float | None = None
     for packet in packets:
         first = packet.arrival if first is None else first
-        moment = packet.arrival - first
+        # A recorder that was held between two looks at a clock dates a packet before the first.
+        moment = max(packet.arrival - first, 0.0)
         if end is not None and moment >= end:
             return
         if moment >= begin:

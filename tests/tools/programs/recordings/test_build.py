@@ -21,6 +21,7 @@ from kinespace.library.windows.opening import opened
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket, RawWriter, encode_header, encode_packet
 from kinespace.stream.osc.messages import encode_frame
+from kinespace.tools.programs.replay import cut
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -304,6 +305,13 @@ def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, stage: osc.Os
     told = dict.fromkeys(("left_out", "failed", "unheard"), 0) | {"sent": 200, "lost_from": None}
     assert (status, json.loads(printed)) == (0, told)
     assert received(stage, 200) == sent
+
+
+def test_a_packet_that_is_dated_before_the_first_is_sent() -> None:
+    """A recorder that was held between two looks at a clock dates a packet early."""
+    packets = [RawPacket(arrival, 0, "x:1", (b"",)) for arrival in (5.0, 4.5, 6.0, 7.0)]
+    assert [due for due, _ in cut(iter(packets), 0.0, 2.0)] == [0.0, 0.0, 1.0]
+    assert [due for due, _ in cut(iter(packets), 0.5, None)] == [0.5, 1.5]
 
 
 # --- telling and converting --------------------------------------------------------------------------------------

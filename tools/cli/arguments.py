@@ -111,12 +111,6 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "accept by ZeroMQ only those whose .key is there: kinespace keys makes them",
     },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
-    "--page": {
-        "nargs": "?",
-        "const": PAGE,
-        "metavar": "[HOST:]PORT",
-        "help": f"show a page in the browser (default {PAGE})",
-    },
     "--people": {
         "type": int,
         "default": 1,

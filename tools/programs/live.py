@@ -86,7 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     arguments.add_shared(parser, "--overwrite")
     parser.add_argument("--bodies", action="store_true", help="publish bodies on --zmq-out, for a page elsewhere")
-    arguments.add_shared(parser, "--page")
+    text = f"show a page in the browser (default {arguments.PAGE})"
+    parser.add_argument("--page", nargs="?", const=arguments.PAGE, metavar="[HOST:]PORT", help=text)
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
     parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
     text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"

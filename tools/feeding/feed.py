@@ -183,16 +183,17 @@ class FrameStream:
     """
 
     def __init__(self, sender: FrameSender, joints: tuple[str, ...]) -> None:
-        self._sender, self._joints = sender, joints
+        self.sender, self._joints = sender, joints
         self._announced: dict[str, float] = {}
         self._numbers = count()
 
     def send(self, frame: Frame) -> None:
         """Send a frame."""
-        if abs(frame.time - self._announced.get(frame.performer, -math.inf)) >= ANNOUNCE_EVERY:
-            self._announced[frame.performer] = frame.time
-            self._sender.announce(Announcement(frame.performer, self._joints))
-        self._sender.send(self._sender.encode(Cue(frame.time, frame, next(self._numbers))))
+        now = time.monotonic()
+        if now - self._announced.get(frame.performer, -math.inf) >= ANNOUNCE_EVERY:
+            self._announced[frame.performer] = now
+            self.sender.announce(Announcement(frame.performer, self._joints))
+        self.sender.send(self.sender.encode(Cue(frame.time, frame, next(self._numbers))))
 
 
 class Pace:

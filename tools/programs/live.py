@@ -322,7 +322,8 @@ def _run(service: Service, shown: PlainLines | LiveTable, lessons: Lessons | Non
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:
-        with Keys(lessons, shown) if lessons else nullcontext(), Live(console=console, auto_refresh=False) as live:
+        keys = Keys(lessons, shown, service.ask) if lessons else nullcontext()
+        with keys, Live(console=console, auto_refresh=False) as live:
             while loop.is_alive():
                 live.update(shown.drawn(), refresh=True)
                 time.sleep(1 / _REDRAWS)

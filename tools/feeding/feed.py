@@ -189,7 +189,7 @@ class FrameStream:
 
     def send(self, frame: Frame) -> None:
         """Send a frame."""
-        now = time.monotonic()
+        now = time.perf_counter()
         if now - self._announced.get(frame.performer, -math.inf) >= ANNOUNCE_EVERY:
             self._announced[frame.performer] = now
             self.sender.announce(Announcement(frame.performer, self._joints))

@@ -130,12 +130,11 @@ class Status:
     @property
     def lost(self) -> int:
         """Count of all that came, or should have come, and was not used."""
-        inputs, outcomes = self.inputs, self.outcomes
-        refused = self.admission.other_sender + self.admission.odd_times
-        at_the_border = refused + inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
-        at_the_border += inputs.thrown_away + inputs.stale
-        at_the_border += outcomes.opening
-        return at_the_border + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
+        inputs, outcomes, admission = self.inputs, self.outcomes, self.admission
+        unread = inputs.malformed + inputs.overrun + inputs.missing + inputs.incomplete + inputs.broken
+        dropped = inputs.thrown_away + inputs.stale + admission.other_sender + admission.odd_times
+        refused = outcomes.opening + outcomes.no_room + outcomes.other_joints + outcomes.recognizers.out_of_order
+        return unread + dropped + refused
 
 
 class Refusals:

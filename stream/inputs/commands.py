@@ -133,8 +133,6 @@ class RequestSource(IdleSource):
         self.address = str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
         self._commanders, self._keyed = Commanders(commanding), keyring is not None
         self._counts = InputCounts()
-        #: Whether a request waits for its reply; the socket takes none before.
-        self._owes = False
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address} (control)"
@@ -146,13 +144,11 @@ class RequestSource(IdleSource):
 
     def take(self, arrival: float) -> Sequence[Asked] | None:
         """Take in one request; None when none waits, or while one waits for its reply."""
-        if self._owes:
-            return None
         try:
             request = self.pollable.recv_multipart(zmq.NOBLOCK, copy=False)[0]
-        except zmq.Again:
+        except zmq.ZMQError:
+            # The socket takes none before its reply, either.
             return None
-        self._owes = True
         return [self._asked(request, arrival)]
 
     def _asked(self, request: zmq.Frame, now: float) -> Asked:
@@ -172,7 +168,6 @@ class RequestSource(IdleSource):
             self.pollable.send(json.dumps(reply).encode(), zmq.NOBLOCK)
         except zmq.ZMQError:
             self._counts.broken += 1
-        self._owes = False
 
     def tend(self, now: float) -> Sequence[Admitted]:  # noqa: ARG002 - as in a source
         """Do nothing: no work is due by the clock."""

@@ -31,7 +31,6 @@ from functools import lru_cache
 from urllib.parse import quote
 
 import numpy as np
-from pythonosc.osc_packet import OscPacket, ParseError
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame, Input
 from kinespace.stream.osc import packet
@@ -338,11 +337,10 @@ def address_part(performer: str) -> str:
 def decode_answer(datagram: bytes) -> Answer | None:
     """Decode a recognition's bundle, for programs that listen to the answers; None for any other packet."""
     try:
-        messages = [timed.message for timed in OscPacket(datagram).messages]
-        found = {message.address.rpartition("/")[2]: message for message in messages}
-        index, score, margin = found["class"].params
-        (label,) = found["label"].params
+        found = {message.address.rpartition("/")[2]: message for message in packet.decode_packet(datagram)}
+        index, score, margin = map(packet.number_of, found["class"].arguments)
+        (label,) = found["label"].arguments
         performer = found["class"].address.split("/")[2]
-        return Answer(performer, int(index), float(score), float(margin), str(label))
-    except (ParseError, KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError):
+        return Answer(performer, int(index), score, margin, str(label))
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError):
         return None

@@ -10,19 +10,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.phases import (
-    MOMENTS_PER_SECOND,
-    SWING_SECONDS,
-    VELOCITY,
-    VELOCITY_SECONDS,
-    Keyframes,
-    PhaseTable,
-    log_swing,
-)
+from kinespace.library import phases
+from kinespace.library.phases import Keyframes, PhaseTable
 from kinespace.stream.recognition import Progress
 
 #: Seconds between two steps of the filter: two steps a moment at the library's speed.
-STEP = 0.5 / MOMENTS_PER_SECOND
+STEP = 0.5 / phases.MOMENTS_PER_SECOND
 #: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
 #: Probabilities that a step changes to another recording at the same phase, and that it begins again.
@@ -44,11 +37,11 @@ _SPEED_SMOOTHED, _SIZE_SMOOTHED = 0.15, 0.4
 _PRIOR_SPEED = 0.1
 #: Points of the past that are replayed when a class is named, half a second, and points that are kept.
 _REPLAYED = round(0.5 / STEP)
-_PAST = round(2 * SWING_SECONDS / STEP) + 1
+_PAST = round(2 * phases.SWING_SECONDS / STEP) + 1
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
 #: Points before the newest at which a velocity begins.
-_BACK_POINTS = round(VELOCITY_SECONDS / STEP)
+_BACK_POINTS = round(phases.VELOCITY_SECONDS / STEP)
 
 
 class ProgressFollower:
@@ -146,9 +139,9 @@ class _Filter:
     def __init__(self, class_name: str, moments: Keyframes, whitening: NDArray[np.float64]) -> None:
         self._class_name, self._moments, self._whitening = class_name, moments, whitening
         recordings, count = moments.speeds.shape
-        self._phases = phases = np.linspace(0.0, 1.0, count)
-        first = phases < _FIRST_PHASES
-        later = np.where(first, 0.0, (1 - phases) ** _FALLING)
+        self._phases = np.linspace(0.0, 1.0, count)
+        first = self._phases < _FIRST_PHASES
+        later = np.where(first, 0.0, (1 - self._phases) ** _FALLING)
         #: How probably it begins at each moment, shape (moments,).
         self._beginning = (_AT_START * first / first.sum() + (1 - _AT_START) * later / later.sum()) / recordings
         self._belief = np.tile(self._beginning, (recordings, 1))
@@ -161,15 +154,15 @@ class _Filter:
 
     def step(self, points: NDArray[np.float64]) -> Progress:
         """Go on by a step, and weigh by the newest of the points, shape (points, directions)."""
-        some = points[-max(2, round(SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5))) :]
-        velocity = VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
+        some = points[-max(2, round(phases.SWING_SECONDS / STEP / min(max(self._speed, 0.5), 1.5))) :]
+        velocity = phases.VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
         live = (np.concatenate([some[-1], velocity]) @ self._whitening).astype(np.float32)
         self._belief = belief = self._weighed(self._goes_on(), live)
         at, moments = belief.sum(axis=0), self._moments
         self._measure(
             float(velocity @ velocity), float((belief * moments.speeds).sum()), float(at @ moments.usual_speeds)
         )
-        swing = log_swing(float(some.var(axis=0).sum())) - float(at @ moments.usual_swings)
+        swing = phases.log_swing(float(some.var(axis=0).sum())) - float(at @ moments.usual_swings)
         self._swing = _SIZE_KEPT * self._swing + swing
         self._swings = _SIZE_KEPT * self._swings + 1
         # Half the probability lies below the phase; of the first moment's all lies behind it, of the last one's before.

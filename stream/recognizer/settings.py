@@ -100,11 +100,12 @@ class Settings:
 
     def __post_init__(self) -> None:
         self._check_types()
-        name = "window" if self.signature is LiveSignature.WINDOWS else "sensitivity"
-        if (value := getattr(self, name)) is not None:
-            raise ValueError(f"{name}: expected none with the signature {self.signature}, got {value}")
-        if self.progress and self.signature is not LiveSignature.WINDOWS:
-            raise ValueError(f"progress: expected False with the signature {self.signature}, got True")
+        needed, names = LiveSignature.PAPER, ["window"]
+        if self.signature is LiveSignature.PAPER:
+            needed, names = LiveSignature.WINDOWS, ["sensitivity", "progress"]
+        for name in names:
+            if getattr(self, name) is not None and getattr(self, name) is not False:
+                raise ValueError(f"{name}: expected the signature {needed} with it, got {self.signature}")
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):

@@ -15,20 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library.compiled import by_numpy, compiled
+from kinespace.library.signature import parts
 from kinespace.library.signature.basis import leading_eigenvectors
 from kinespace.library.signature.body import Body
-from kinespace.library.signature.parts import (
-    FORMULAS,
-    LEVEL_REMOVED,
-    NOISE_FLOOR,
-    Kind,
-    Moments,
-    Part,
-    Signature,
-    eigen,
-    lengths_of,
-    movement,
-)
+from kinespace.library.signature.parts import Kind, Moments, Part, Signature
 from kinespace.library.windows.comparer import Distances
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.library.windows.index import WindowIndex
@@ -231,7 +221,7 @@ class Window:
 
     def _make_room(self) -> None:
         """Make room for the rows, and for the sums over the spans, that the index asks for; there are no rows yet."""
-        (of_distances, in_basis), (pairs, width) = lengths_of(self._parts), self.index.basis.directions.shape
+        (of_distances, in_basis), (pairs, width) = parts.lengths_of(self._parts), self.index.basis.directions.shape
         # The movement is read off distances, also where no part is.
         self._moments = {each: _Sums(each, (pairs,)) for each in of_distances or in_basis[-1:]}
         self._products = {each: _Sums(each, (width, width)) for each in in_basis}
@@ -254,7 +244,7 @@ class Window:
     def exchange(self, index: WindowIndex, threshold: float = -math.inf) -> None:
         """Compare the same rows with another library of the same joints, as in the constructor, from now on."""
         same = np.array_equal(index.basis.directions, self.index.basis.directions)
-        same = same and lengths_of(index.comparison.weighing.parts) == lengths_of(self._parts)
+        same = same and parts.lengths_of(index.comparison.weighing.parts) == parts.lengths_of(self._parts)
         (times, rows), followed = self.recent(), (self._frames, self._since)
         self.threshold = threshold
         self._compare_with(index)
@@ -345,7 +335,7 @@ class Window:
         for seconds, sums in self._moments.items():
             sums.follow(self._times, self._rows, self._end)
             distances[seconds] = read_distances(
-                *sums.sums, body.sizing, body.segments, body.between, NOISE_FLOOR, LEVEL_REMOVED
+                *sums.sums, body.sizing, body.segments, body.between, parts.NOISE_FLOOR, parts.LEVEL_REMOVED
             )
 
         def numbers_of(part: Part) -> Numbers:
@@ -355,7 +345,7 @@ class Window:
                 numbers: Numbers = distances[part.seconds][0][_PLACES[part.kind]]
             else:
                 # A kind that is not read together with the others.
-                numbers = FORMULAS[part.kind](self.moments(part.seconds), body)[0]
+                numbers = parts.FORMULAS[part.kind](self.moments(part.seconds), body)[0]
             return numbers
 
         # The longest span comes last.
@@ -544,7 +534,7 @@ def read_distances(  # noqa: PLR0913, PLR0917 - sums, a body and constants
 ) -> tuple[Numbers, float]:
     """Give spread, posture and trend of distances whose sums are `_Sums`, shape (3, pairs), and their movement."""
     moments, body = moments_of(reference, clock, first, second), Body(sizing, segments, between)
-    return np.concatenate([FORMULAS[kind](moments, body) for kind in _PLACES]), float(movement(moments)[0])
+    return np.concatenate([parts.FORMULAS[kind](moments, body) for kind in _PLACES]), float(parts.movement(moments)[0])
 
 
 @compiled
@@ -564,5 +554,5 @@ def read_points(  # noqa: PLR0913, PLR0917 - sums, and the last eigenvectors
     covariance = covariance_of(clock, first, second, floor)
     values, columns = leading_eigenvectors(covariance, NEAR)
     vectors = np.ascontiguousarray(columns.T)
-    scaled = eigen(values[None, :eigenvectors], vectors[None, :eigenvectors])[0]
+    scaled = parts.eigen(values[None, :eigenvectors], vectors[None, :eigenvectors])[0]
     return values, vectors, scaled, float(covariance.trace())

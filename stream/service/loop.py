@@ -226,6 +226,10 @@ class Service:
         """Make `run` return soon; from any thread or signal handler."""
         self._over = min(self._over, time.perf_counter() + MAX_ENDING)
 
+    def ask(self, asked: Asked) -> None:
+        """Carry out a command at the next turn; from any thread."""
+        self._asked.append(asked)
+
     def run(self) -> None:
         """Run until stopped; answer packets that have arrived by then, end motions, let all performers leave."""
         try:

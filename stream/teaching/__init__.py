@@ -3,18 +3,3 @@
 from kinespace.stream.teaching import commands
 from kinespace.stream.teaching.commands import Asked, Changed, Command, Notice, State, Step, Taught, Told, Tried
 from kinespace.stream.teaching.teacher import Remembered, Teacher
-
-__all__ = [
-    "Asked",
-    "Changed",
-    "Command",
-    "Notice",
-    "Remembered",
-    "State",
-    "Step",
-    "Taught",
-    "Teacher",
-    "Told",
-    "Tried",
-    "commands",
-]

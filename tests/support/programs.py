@@ -172,7 +172,7 @@ def _motion_positions(class_name: str, seconds: float) -> NDArray[np.float32]:
     motions = (motion for motion in builtin_library().motions if motion.class_name == class_name)
     # The last frame at 60 a second has no frame at 120 after it.
     enough = [motion for motion in motions if motion.duration > seconds]
-    positions = without_pause([min(enough, key=lambda motion: motion.duration)], 120.0, seconds)
+    positions = without_pause([min(enough, key=lambda motion: motion.duration)], 120.0)[: round(seconds * 120.0)]
     positions.setflags(write=False)
     return positions
 

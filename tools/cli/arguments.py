@@ -111,12 +111,6 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "accept by ZeroMQ only those whose .key is there: kinespace keys makes them",
     },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
-    "--page": {
-        "nargs": "?",
-        "const": PAGE,
-        "metavar": "[HOST:]PORT",
-        "help": f"show a page in the browser (default {PAGE})",
-    },
     "--people": {
         "type": int,
         "default": 1,
@@ -291,17 +285,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
-    """Make settings from the arguments; an option that does not belong to the signature is refused."""
-    signature = LiveSignature(parsed.signature)
-    for option, given, belongs_to in (
-        ("--window", parsed.window is not None, LiveSignature.PAPER),
-        ("--sensitivity", parsed.sensitivity is not None, LiveSignature.WINDOWS),
-        ("--progress", parsed.progress, LiveSignature.WINDOWS),
-    ):
-        if given and signature is not belongs_to:
-            raise ValueError(f"{option}: expected --signature {belongs_to} with it, got {signature}")
+    """Make settings from the arguments; `Settings` refuses what does not belong to the signature."""
     # `live --stillness` is of lessons.
-    return made_of(Settings, parsed, signature=signature, stillness=_DEFAULTS.stillness)
+    return made_of(Settings, parsed, stillness=_DEFAULTS.stillness)
 
 
 def _number(expected: str, fits: Callable[[float], bool]) -> Callable[[str], float]:

@@ -120,22 +120,14 @@ def resampled(clip: Clip, frame_rate: float) -> Clip:
     return replace(clip, positions=positions, frame_rate=frame_rate, rotations=np.zeros((count, 0)))
 
 
-def without_pause(clips: Iterable[Clip], frame_rate: float, seconds: float = math.inf) -> NDArray[np.float32]:
-    """Put clips one after the other, each at another frame rate, until there are enough seconds of them.
+def without_pause(clips: Iterable[Clip], frame_rate: float) -> NDArray[np.float32]:
+    """Put clips one after the other, each at another frame rate.
 
     Returns
     -------
     Positions, shape (frames, joints, 3), metres, in the float32 that goes over the wire.
     """
-    frames = 0
-    pieces: list[NDArray[np.float32]] = []
-    for clip in clips:
-        pieces.append(resampled(clip, frame_rate).positions.astype(np.float32))
-        frames += len(pieces[-1])
-        if frames >= seconds * frame_rate:
-            break
-    whole = np.concatenate(pieces)
-    return whole if math.isinf(seconds) else whole[: round(seconds * frame_rate)]
+    return np.concatenate([resampled(clip, frame_rate).positions.astype(np.float32) for clip in clips])
 
 
 def lost_at(place: str, count: int) -> str:
@@ -191,16 +183,17 @@ class FrameStream:
     """
 
     def __init__(self, sender: FrameSender, joints: tuple[str, ...]) -> None:
-        self._sender, self._joints = sender, joints
+        self.sender, self._joints = sender, joints
         self._announced: dict[str, float] = {}
         self._numbers = count()
 
     def send(self, frame: Frame) -> None:
         """Send a frame."""
-        if abs(frame.time - self._announced.get(frame.performer, -math.inf)) >= ANNOUNCE_EVERY:
-            self._announced[frame.performer] = frame.time
-            self._sender.announce(Announcement(frame.performer, self._joints))
-        self._sender.send(self._sender.encode(Cue(frame.time, frame, next(self._numbers))))
+        now = time.perf_counter()
+        if now - self._announced.get(frame.performer, -math.inf) >= ANNOUNCE_EVERY:
+            self._announced[frame.performer] = now
+            self.sender.announce(Announcement(frame.performer, self._joints))
+        self.sender.send(self.sender.encode(Cue(frame.time, frame, next(self._numbers))))
 
 
 class Pace:

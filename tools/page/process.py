@@ -28,18 +28,6 @@ _MAX_REPLY = 2000
 _encode = msgspec.json.Encoder().encode
 
 
-class _Reply(msgspec.Struct):
-    states: list[dict[str, Any]] = []
-    classes: list[str] = []
-    taught: dict[str, int] = {}
-    off: list[str] = []
-    sensitivity: float | None = None
-    teaches: bool = False
-
-
-_read = msgspec.json.Decoder(_Reply).decode
-
-
 class Subscription:
     """A subscription to a recogniser's messages; it connects again by itself after the recogniser was away.
 
@@ -100,8 +88,8 @@ def ask_control(endpoint: Endpoint, keyring: Keyring | None, command: Mapping[st
     with closing(endpoint.open(zmq.REQ, keyring=keyring)) as asking, suppress(zmq.ZMQError, ValueError):
         asking.send(_encode(command), zmq.NOBLOCK)
         if asking.poll(_MAX_REPLY):
-            reply: dict[str, Any] = msgspec.to_builtins(_read(asking.recv()))
-            return reply
+            reply = msgspec.json.decode(asking.recv(), type=dict[str, Any])
+            return reply if "states" in reply else None
     return None
 
 

@@ -461,7 +461,9 @@ class PageServer(ClientServer[_Page]):
         if reply is None:
             return {"states": [as_json(State("", Step.REFUSED, reason=_NO_REPLY))]}
         states, self._stale = reply.pop("states"), False
-        self.board.take_reply(reply)
+        # A refusal has nothing else.
+        if reply:
+            self.board.take_reply(reply)
         self._wake()
         return {"states": states}
 

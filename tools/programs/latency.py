@@ -97,7 +97,7 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     """
     library = MotionLibrary.builtin()
     warm = int(_WARM_UP * rate_hz)
-    positions = without_pause(library.motions[::EVERY], rate_hz, seconds)
+    positions = without_pause(library.motions[::EVERY], rate_hz)
     moments = [k / rate_hz for k in range(round(seconds * rate_hz))]
     frames = map(Frame, repeat("latency"), (1.0 + each for each in moments), cycle(positions))
     cues = [*map(Cue, moments, frames, count())]

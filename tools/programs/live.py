@@ -86,7 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every packet that comes in, for replay")
     arguments.add_shared(parser, "--overwrite")
     parser.add_argument("--bodies", action="store_true", help="publish bodies on --zmq-out, for a page elsewhere")
-    arguments.add_shared(parser, "--page")
+    text = f"show a page in the browser (default {arguments.PAGE})"
+    parser.add_argument("--page", nargs="?", const=arguments.PAGE, metavar="[HOST:]PORT", help=text)
     text = f"also take frames and give answers by WebSocket, in JSON (default {WS})"
     parser.add_argument("--ws", nargs="?", const=WS, metavar="[HOST:]PORT", help=text)
     text = "let pages of these sites connect to --ws, like https://editor.p5js.org; pages of this machine may anyway"
@@ -321,7 +322,8 @@ def _run(service: Service, shown: PlainLines | LiveTable, lessons: Lessons | Non
     loop = threading.Thread(target=service.run, name="kinespace service")
     loop.start()
     try:
-        with Keys(lessons, shown) if lessons else nullcontext(), Live(console=console, auto_refresh=False) as live:
+        keys = Keys(lessons, shown, service.ask) if lessons else nullcontext()
+        with keys, Live(console=console, auto_refresh=False) as live:
             while loop.is_alive():
                 live.update(shown.drawn(), refresh=True)
                 time.sleep(1 / _REDRAWS)

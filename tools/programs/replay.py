@@ -18,7 +18,7 @@ from pathlib import Path
 from kinespace.library import Clip, MotionLibrary, Reading, Skeleton, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
 from kinespace.library.recordings.formats.labels import Segment
-from kinespace.stream import Announcement, osc, zeromq
+from kinespace.stream import osc, zeromq
 from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli import arguments, console
@@ -81,13 +81,13 @@ def run(options: argparse.Namespace) -> int:
         pieces = pieces_of(recordings, reading, options)
         with console.progress_console.status("Reading"):
             first = next(pieces)
-        announcement = Announcement(options.performer, first.clip.skeleton.joints)
         played = feed.piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
         sender = [*_senders(opened, osc_to, zmq_to, keyring).values()][-1]
-        exchange = Exchange(sender, listener, announcement, zmq_to.address if zmq_to else osc_to or "")
+        stream = feed.FrameStream(sender, first.clip.skeleton.joints)
+        exchange = Exchange(stream, listener, options.performer, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(exchange.report, as_json=options.json)
         with suppress(KeyboardInterrupt):
@@ -275,14 +275,11 @@ _NOTICED = 0.05
 class Exchange:
     """One feed that is sent, the answers that come meanwhile, and the report on both."""
 
-    def __init__(
-        self, sender: feed.FrameSender, listener: Listener | None, announcement: Announcement, place: str
-    ) -> None:
-        self._sender, self._place = sender, place
-        self._listener = listener
-        self._announcement = announcement
+    def __init__(self, stream: feed.FrameStream, listener: Listener | None, performer: str, place: str) -> None:
+        self._stream, self._sender, self._place = stream, stream.sender, place
+        self._listener, self._performer = listener, performer
         # OSC answers name the performer in their address, which cannot hold every character.
-        self._names = {announcement.performer, osc.address_part(announcement.performer)}
+        self._names = {performer, osc.address_part(performer)}
         #: The answers while each class was performed, and those of them that were right; none has a class at moments
         #: without a label.
         self._answers, self._right = Counter[str](), Counter[str]()
@@ -293,25 +290,21 @@ class Exchange:
         self._classes: list[str] = []
 
     def play(self, cues: Iterable[feed.Cue]) -> None:
-        """Send every frame when it is due, the skeleton before the first and every second.
+        """Send every frame when it is due.
 
         Each recording is read in the pause before it. When that takes longer the feed stands still, and then goes on
         at its own pace: frames sent all at once to catch up would be no feed.
         """
-        pace, next_announcement, recording = feed.Pace(), 0.0, 0
+        pace, recording = feed.Pace(), 0
         for cue in cues:
             if cue.recording != recording:
                 recording = cue.recording
                 self._stood_still += pace.put_off(cue.due)
-            if cue.due >= next_announcement:
-                self._sender.announce(self._announcement)
-                next_announcement = cue.due + feed.ANNOUNCE_EVERY
-            packet = self._sender.encode(cue)
             if self._listener:
                 self._take_in(self._listener.listen_until(pace.moment(cue.due)))
             else:
                 pace.wait_for(cue.due)
-            self._sender.send(packet)
+            self._stream.send(cue.frame)
             self._sent += 1
             if self._sent == _SOON and self.reached_nobody:
                 console.note(f"no program listens at {self._place} so far; start kinespace live there")
@@ -351,7 +344,7 @@ class Exchange:
         """Say that no answer came, and list checks."""
         if self._received:
             other = f"{self._received} other packets: do frames reach the recogniser, and can it use their joints?"
-            return f"no answers about {self._announcement.performer!r} came, but {other}"
+            return f"no answers about {self._performer!r} came, but {other}"
         if self.reached_nobody:
             return "no answers came"
         return "no answers came: is a recogniser running, and does it send its answers here?"

@@ -34,13 +34,15 @@ class Keys:
     Parameters
     ----------
     lessons
-        Carries out the commands, and knows the classes.
+        Knows the classes and the performers.
     shown
         Shows the list of keys.
+    ask
+        Takes each command, in a thread of its own.
     """
 
-    def __init__(self, lessons: Lessons, shown: LiveTable) -> None:
-        self._lessons, self._shown = lessons, shown
+    def __init__(self, lessons: Lessons, shown: LiveTable, ask: Callable[[Asked], object]) -> None:
+        self._lessons, self._shown, self._ask = lessons, shown, ask
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, name="kinespace keys", daemon=True)
         self._taught, self._held, self._whose = "", False, ""
@@ -114,7 +116,7 @@ class Keys:
                     break  # the terminal has gone
                 for key in letters.decode(typed):
                     if command := self.command_of(key):
-                        self._lessons.ask(Asked(command))
+                        self._ask(Asked(command))
         finally:
             with suppress(termios.error):
                 termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -68,7 +68,6 @@ class Lessons(Sink):
         #: Who is not answered during a lesson, and until when: what was shown last fires nothing behind it, either.
         self._muted = "", -math.inf
         self._file, self._opener = file, RosterOpener(windows, teacher, self._exchange)
-        self._waiting: queue.SimpleQueue[Asked] = queue.SimpleQueue()
 
     def publish_frame(self, frame: Frame) -> None:
         """Show the teacher a frame that the recognisers have got."""
@@ -78,10 +77,6 @@ class Lessons(Sink):
     def publish_event(self, event: Event) -> None:
         """Tell the teacher which motion was named, so that a person may say whether that was right."""
         self._teacher.named.push(event)
-
-    def ask(self, asked: Asked) -> None:
-        """Carry out, at the next turn, a command from another thread."""
-        self._waiting.put(asked)
 
     def carry_out(self, asked: Asked) -> list[State]:
         """Carry out a command, and reply if a reply is wanted; give the states that follow at once."""
@@ -118,8 +113,6 @@ class Lessons(Sink):
 
     def tend(self, now: float) -> None:
         """Do the work that is due by the clock, and take what was opened."""
-        while not self._waiting.empty():
-            self.carry_out(self._waiting.get())
         self._publish(self._teacher.tick(now))
         self._publish(self._opener.results())
         self._publish(self._file.states())

@@ -339,9 +339,9 @@ PAPER = LiveSignature.PAPER
     ("given", "said"),
     [
         ({"signature": "best"}, "signature: expected windows or paper, got 'best'"),
-        ({"window": 1.0}, "window: expected none with the signature windows"),
-        ({"signature": "paper", "sensitivity": 0.1}, "sensitivity: expected none with the signature paper"),
-        ({"signature": "paper", "progress": True}, "progress: expected False with the signature paper, got True"),
+        ({"window": 1.0}, "window: expected the signature paper with it, got windows"),
+        ({"signature": "paper", "sensitivity": 0.0}, "sensitivity: expected the signature windows with it, got paper"),
+        ({"signature": "paper", "progress": True}, "progress: expected the signature windows with it, got paper"),
         *(({"signature": "paper", "window": each}, "window: expected a positive") for each in (0, -1.0, math.inf)),
         *(({"longest_gap": each}, "longest_gap: expected a positive number of seconds") for each in (0, math.nan)),
         *(

@@ -248,7 +248,7 @@ class FakeControl:
 
 
 def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibrary) -> None:
-    """A command among frames reaches the control, which is tended; while it says so nothing is known or ended."""
+    """A command among frames, or a key's, reaches the control, which is tended; it says when nothing is known."""
     frames = _frames(STICK_CLASSES[0])
     off, on = Asked(commands.Stop()), Asked(commands.Undo())
     for packets, answers in (([*frames], True), ([off, *frames], False), ([off, frames[0], on, *frames[1:]], True)):
@@ -256,9 +256,10 @@ def test_commands_are_carried_out_and_may_switch_answers_off(sticks: MotionLibra
         with closing(FakeSource([[each] for each in packets])) as source:
             service = Service(Performers(sticks), [source], [sink], control=control)
             service.step(0.0)
+            service.ask(Asked(commands.Save()))
             service.stop()
             service.run()
-        assert control.carried_out == [each.command for each in packets if isinstance(each, Asked)]
+        assert control.carried_out == [*(each.command for each in packets if isinstance(each, Asked)), commands.Save()]
         assert control.tended
         assert set(sink.of(tuple)) == {("taught",)}
         assert sink.of(Recognition)

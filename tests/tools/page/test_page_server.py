@@ -96,6 +96,8 @@ class FakeControl:
         time.sleep(SILENCE / 3)
         if command["do"] == "sleep":
             return None
+        if command["do"] == "jump":
+            return {"states": [{"state": "refused"}]}
         return {"states": [], "classes": ["bow"], "taught": {}, "off": [], "sensitivity": 0.05}
 
 
@@ -192,13 +194,13 @@ def test_commands_go_to_the_door_and_all_pages_learn_of_it() -> None:
                 assert news["control"]["classes"] == ["bow"]
             # While a command is asked, answers go on to the page.
             control.meanwhile = lambda: served.published.publish(1)
-            for command, refused in (({"do": "undo"}, []), ({"do": "sleep"}, ["refused"])):
+            for what, refused in (("undo", []), ("sleep", ["refused"]), ("jump", ["refused"])):
                 await page.send(json.dumps({"ack": news["number"]}))
-                await page.send(json.dumps({"ask": command}))
+                await page.send(json.dumps({"ask": {"do": what}}))
                 news = await told(page)
                 news = news if "replies" in news else await drawn_until(page, news, "replies")
                 assert [state["state"] for reply in news["replies"] for state in reply["states"]] == refused
-                assert control.asked[-1] == command
+                assert (control.asked[-1], "control" in news) == ({"do": what}, False)
 
     run(test())
 

@@ -303,7 +303,7 @@ def test_the_commands_of_keys() -> None:
     """New motions are numbered, held ones too; the last name was right, or wrong; a number chooses who is taught."""
     lessons = SimpleNamespace(classes=["squat", "motion 1"], performers=SimpleNamespace(names=("ann", "bob")))
     shown = SimpleNamespace(hint=HINT)
-    keys = Keys(lessons, shown)  # type: ignore[arg-type]  # as read
+    keys = Keys(lessons, shown, print)  # type: ignore[arg-type]  # as read
     assert keys.command_of("t") == commands.Teach("", "motion 2")
     lessons.classes.append("motion 2")
     assert keys.command_of("a") == commands.Teach("", "motion 2")
@@ -324,11 +324,11 @@ def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
     import termios  # noqa: PLC0415 - as above
 
     asked = list[Asked]()
-    lessons = SimpleNamespace(classes=[], performers=SimpleNamespace(names=()), ask=asked.append)
+    lessons = SimpleNamespace(classes=[], performers=SimpleNamespace(names=()))
     keyboard, terminal = pty.openpty()
     with os.fdopen(keyboard, "wb", 0) as hands, os.fdopen(terminal, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
-        with Keys(lessons, SimpleNamespace(hint="")):  # type: ignore[arg-type]  # as read
+        with Keys(lessons, SimpleNamespace(hint=""), asked.append):  # type: ignore[arg-type]  # as read
             # Until then whatever is typed is thrown away.
             until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)
             hands.write(b"t\xff=" + "wéve\n".encode())
@@ -340,7 +340,7 @@ def test_a_motion_is_named_by_keys() -> None:
     """Letters are its name until Enter, then examples go on by it; Escape leaves the old one."""
     lessons = SimpleNamespace(classes=["motion 1"], performers=SimpleNamespace(names=("ann",)))
     shown = SimpleNamespace(hint=HINT)
-    keys = Keys(lessons, shown)  # type: ignore[arg-type]  # as read
+    keys = Keys(lessons, shown, print)  # type: ignore[arg-type]  # as read
     assert keys.command_of("=") is None
     keys.command_of("t")
     assert [keys.command_of(key) for key in "=hix\x7f t"] == [None] * 7

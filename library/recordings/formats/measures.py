@@ -110,6 +110,8 @@ _MOST_BY_TICKS = 70.0
 _NEARLY = 0.1
 #: Times that differ from even ones by less than this share of a frame are even.
 _EVEN = 1e-4
+#: Frames whose times show how they are rounded; a slip of more than this share of a frame is a missing one.
+_LAST, _SLIP = 16, 0.9
 #: A column of times is passed over for one that goes on more often: it has less than this share of its steps.
 _GOES = 0.9
 #: Steps for each one backwards, at least, where takes follow each other; otherwise the times mean nothing.
@@ -292,7 +294,8 @@ def timing(
         return seconds, given
     pace = _pace(seconds)
     if abs(said / pace - 1) <= _ABOUT:
-        return seconds, given or said
+        # Even times, which need no grid, are more exact than a header.
+        return seconds, given or (None if _even_rate(seconds) and not _even_rate(seconds, said) else said)
     notes.append(f"times: the header says {said:g} frames a second, {name.strip()!r} {pace:.4g}: the times count")
     return seconds, given
 
@@ -325,23 +328,19 @@ def laid(times: Times, positions: Positions, rate: float | None = None) -> Evene
     last = np.append(np.diff(times) > 0, True)
     if len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2:
         return evened(times, positions, rate=rate)
-    times, positions = times[last], positions[last]
-    steps = np.diff(times)
-    since = times - times[0]
-    mean, rounded = len(steps) / float(since[-1]), _rounding(since)
+    even = _even_rate(times[last] - times[0], rate)
+    return Evened(positions[last], even, 0, ()) if even else evened(times, positions, rate=rate)
+
+
+def _even_rate(since: Times, rate: float | None = None) -> float:
+    """Give the rate at which times are even but for rounding, a known one or their own; 0 where they are not."""
+    mean = (len(since) - 1) / float(since[-1])
+    # `%g` rounds the last times most.
+    last = np.diff(since[-_LAST:])
+    rounded = next((10.0**-n for n in range(1, 8) if _is_rounded(last, n)), 0.0)
     own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
-    if np.ptp(since - np.arange(len(since)) / own) <= 1.01 * rounded + _EVEN / mean:
-        return Evened(positions, own, 0, ())
-    return evened(times, positions, rate=rate)
-
-
-def _rounding(since: Times) -> float:
-    """Give the seconds to which times are rounded, by their decimals or, as `%g` does, by their digits; 0: neither."""
-    place = 3 - math.floor(math.log10(since[-1]))
-    late = np.diff(since[since >= 10.0 ** (3 - place)])
-    decimals = (10.0**-n for n in range(8) if _is_rounded(since, n))
-    digits = (10.0**-n for n in range(place, place + 4) if len(late) and _is_rounded(late, n))
-    return max(next(decimals, 0.0), next(digits, 0.0))
+    slip = float(np.ptp(since - np.arange(len(since)) / own))
+    return own if slip <= min(1.01 * rounded + _EVEN / mean, _SLIP / mean) else 0.0
 
 
 def _is_rounded(times: Times, place: int) -> bool:

@@ -46,7 +46,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
 ) -> list[Clip]:
     """Make a clip of the markers that are wanted and were seen, for each person that their labels name.
 
-    Of several people those who are never seen are left out.
+    Of several people those who are never seen are left out, and those who are no bodies: speeds, say.
 
     A marker that is missing for a short time is put on a straight line; before its first and after its last sight it
     rests. One that is missing for longer than `MAX_GAP` is left out; where most markers are missing the body rests, and
@@ -90,11 +90,11 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     theirs = {place for own in people.values() for place in own}
     if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
         aside.append(f"left out: no performer's: {listed(things, 5)}")
-    several = people.items() if len(people) > 1 else ()
-    unseen = [person for person, own in several if not is_seen(positions[:, [kept[each] for each in own]])]
-    if 0 < len(unseen) < len(people):
-        aside.append(f"left out: never seen: {', '.join(unseen[:5])}")
-        people = {person: own for person, own in people.items() if person not in unseen}
+    for what, is_one in (("never seen", is_seen), ("no body", _is_body)):
+        lost = [who for who, own in people.items() if not is_one(positions[:, [kept[each] for each in own]])]
+        if 0 < len(lost) < len(people):
+            aside.append(f"left out: {what}: {', '.join(lost[:5])}")
+            people = {person: own for person, own in people.items() if person not in lost}
     for person, own in people.items():
         names, twice = short_names([*own.values()])
         found = _seen(positions[:, [kept[each] for each in own]])
@@ -108,6 +108,13 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
 def is_seen(positions: Positions) -> bool:
     """Say whether there is a person: two markers or more are seen at some time; positions as for `clips_of_markers`."""
     return bool(np.isfinite(_seen(positions)[:, :, 0]).any(axis=0).sum() > 1)
+
+
+def _is_body(positions: Positions) -> bool:
+    """Say whether two of the joints that are seen keep their distance, or too few frames show them to tell."""
+    seen = _seen(positions)
+    seen = seen[:, np.isfinite(seen[:, :, 0]).any(axis=0)]
+    return _holds_together(seen[np.isfinite(seen).all(axis=(1, 2))])
 
 
 def _are_markers(people: Mapping[str, Mapping[int, str]], labels: Sequence[str], positions: Positions) -> bool:
@@ -204,9 +211,11 @@ def _filled(positions: Positions, missing: NDArray[np.bool_], absent: Sequence[t
 def _holds_together(positions: Positions) -> bool:
     """Say whether two of some joints keep their distance, in some frames."""
     some = positions[:: 1 + len(positions) // 32, :40]
+    if len(some) < 3 or some.shape[1] < 4:
+        return True
     apart = np.linalg.norm(some[:, :, None] - some[:, None], axis=3)
     mean = apart.mean(axis=0)
-    return len(some) < 3 or len(mean) < 4 or bool((apart.std(axis=0)[mean > 0] < _STEADY * mean[mean > 0]).any())
+    return bool((apart.std(axis=0)[mean > 0] < _STEADY * mean[mean > 0]).any())
 
 
 def _left_out(names: Sequence[str], missing: NDArray[np.bool_], lost: NDArray[np.bool_]) -> list[str]:

@@ -99,7 +99,7 @@ _TIE = 1e-6
 FRAME_RATE = 30.0
 #: Seconds of the units in which files count time, by the words for them in a column's name.
 SECONDS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
-_FRAMES = frozenset(WORDS["columns"]["frames"])
+_FRAMES, _TIMES = (frozenset(WORDS["columns"][kind]) for kind in ("frames", "times"))
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
 _RATES = ((14.0, 500.0), (1.0, 1000.0))
 #: Steps of times that are smaller are a moment in no unit.
@@ -220,7 +220,8 @@ def seconds_of(moments: Times, name: str, rate: float | None = None) -> tuple[Ti
     steps = np.diff(since)[np.diff(since) > _LEAST_STEP]
     step = float(np.median(steps)) if len(steps) else 0.0
     words, named = words_of(name), _unit_in(name)
-    if step >= 1 and (since % 1 == 0).all() and (_FRAMES & {*words} or (step == 1 and named != 1e-3)):
+    counts = _FRAMES & {*words} and not _TIMES & {*words}
+    if step >= 1 and (since % 1 == 0).all() and (counts or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
     units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9, 60.0, 86_400.0) if unit]
     if step and rate and not named:

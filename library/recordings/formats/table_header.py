@@ -278,7 +278,7 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         if axis in ("x", "y", "z")
         and not any(_NO_PLACES & {*words_of(row[column])} for row in kinds)
         # Degrees and newtons are no positions.
-        and not any(row[column] and row[column] not in METRES for row in below)
+        and not any(row[column] and metres_of(row[column]) is None for row in below)
         and not any(row[column].lower() in spare for row in above)
     ]
     if not ours or not above:

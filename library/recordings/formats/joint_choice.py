@@ -22,7 +22,7 @@ _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*
 _NUMBER = re.compile(r"\d+[ _\-.)]+(?=[^\W\d])")
 #: A mark between words.
 _MARK = re.compile(r"[ _\-./]+")
-#: Where a person's number has no mark before it, and where a letter and a number have none behind them (`P1Hips`).
+#: Where a person's number has no mark before it, and where a word and a number have none behind them (`P1Hips`).
 _GLUED, _AHEAD = -2, -3
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
@@ -116,10 +116,10 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
 def _cut(label: str, count: int) -> tuple[str, str]:
     """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part.
 
-    `_GLUED`: its last digit (`Spine12` is the second person's `Spine1`). `_AHEAD`: its first letter and number.
+    `_GLUED`: its last digit (`Spine12` is the second person's `Spine1`). `_AHEAD`: what stands up to a number.
     """
     if count == _AHEAD:
-        ahead = re.match(r"[A-Za-z]\d+(?=[A-Z][a-z])", label)
+        ahead = re.match(r"[A-Za-z]+\d+(?=[A-Z][a-z])", label)
         return (ahead[0], label[ahead.end() :]) if ahead else ("", label)
     if count == _GLUED:
         return (label[-1], label[:-1]) if label[-1:].isdecimal() else ("", label)

@@ -725,6 +725,7 @@ def _bvhs() -> dict[str, Kind]:
         "colons, and names in quotes": (plain.replace("HIERARCHY", "HIERARCHY:").replace("MOTION", "MOTION:").replace("JOINT Head", 'JOINT "Head"'), {}),
         "a Frame Time of three digits": (plain.replace("Time: 0.0166667", "Time: 0.017"), {}),
         "frames over lines": (head + "Frame Time" + re.sub(r"((?: \S+){7})", r"\1\n", motion.replace(": ", ":")).replace(":", ": "), {}),
+        "the hierarchy on one line": (re.sub(r"\s*\n\s*", " ", plain.partition("MOTION")[0]) + "\nMOTION" + plain.partition("MOTION")[2], {}),
         "in a .txt": ("\n" + plain, {"ending": "txt"}),
         "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),

@@ -448,6 +448,7 @@ def _tables() -> dict[str, Kind]:
         "two people whom nothing tells apart": (_two("who", "time", ("ann", "ann")), {"reads": False, "tells": "two bodies at one time"}),
         "two people by A:": (_people("{}:{}", ("A", "B")), {"people": ("A", "B")}),
         "two people by person_1_": (_people("{}_{}", ("person_1", "person_2")), {"people": ("person_1", "person_2")}),
+        "a person and a box": (table(names=[*(f"ann:{name}" for name in NAMES), "box:left", "box:right"], positions=np.concatenate([BODY, BODY[:, :2] + 0.3], axis=1)), {"tells": "subjects: ann, box: one body; --joints 'ann:*'"}),
         "two people, and a slip of the tracker": (_two("id", "time", ("1", "2")) + table(clock="time", times=["0.79"], more=[("id", 3)]).splitlines()[1] + "\n", {"people": ("1", "2"), "tells": "in one frame, or in none: 3"}),
         "times in German": (table(clock="Zeit"), {}),
         "times in Chinese": (table(clock="时间(ms)", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),

@@ -1,7 +1,8 @@
 """Markers or joint centres over time, as in C3D, TRC and tables, made into a clip of those that were seen."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,9 +92,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     clips, people = list[Clip](), people_in(named)
     if _are_markers(people, named, positions):
         people = {"": dict(enumerate(named))}
-    theirs = {place for own in people.values() for place in own}
-    if things := [name for place, name in enumerate(named) if place not in theirs]:
-        aside.append(f"left out: no performer's: {listed(things, 5)}")
+    aside += _oddities(people, named)
     people = _performers(people, positions, aside)
     for person, own in people.items():
         names, twice = short_names([*own.values()])
@@ -103,6 +102,17 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         clip = _clip(names, even, (*notes, *aside, *twice))
         clips.append(hdm05.titled(replace(clip, name=path.stem, actor=person), path))
     return clips
+
+
+def _oddities(people: dict[str, _Own], labels: Sequence[str]) -> Iterator[str]:
+    """Say which labels are nobody's, and which subjects, that share no marker's name, make one body."""
+    theirs = {place for own in people.values() for place in own}
+    if things := [name for place, name in enumerate(labels) if place not in theirs]:
+        yield f"left out: no performer's: {listed(things, 5)}"
+    subjects = Counter(filter(None, (labels[place].rpartition(":")[0] for place in sorted(theirs))))
+    if len(people) == 1 < len(subjects):
+        largest = max(subjects, key=subjects.__getitem__)
+        yield f"subjects: {listed([*subjects], 5)}: one body; --joints '{largest}:*' takes one"
 
 
 def is_seen(positions: Positions) -> bool:

@@ -205,6 +205,18 @@ def _vicon(title: str = "Trajectories", axes: Sequence[str] = "XYZ", units: str 
     return f"{forces}{title}\n{RATE:.0f}\n{head},,{','.join([units] * 16)}\n{rows}"
 
 
+def _nexus() -> str:
+    """Vicon Nexus with kinematics: behind a marker's places stand its speeds and its accelerations."""
+    speeds = 60_000 * np.gradient(BODY, axis=0)
+    kinds = (("", "mm", 1000 * BODY), ("'", "mm/s", speeds), ("''", "mm/s^2", 60 * np.gradient(speeds, axis=0)))
+    columns = [(f"Ann:{name}", axis + mark, unit) for name in NAMES for mark, unit, _ in kinds for axis in "XYZ"]
+    names = (name if place % 9 == 0 else "" for place, (name, _, _) in enumerate(columns))
+    axes, units = (axis for _, axis, _ in columns), (unit for _, _, unit in columns)
+    head = _lines([["", "", *names], ["Frame", "Sub Frame", *axes], ["", "", *units]])
+    numbers = np.stack([each for _, _, each in kinds], axis=2)
+    return f"Trajectories\n60\n{head}" + _frames(numbers, lambda place: f"{place + 1},0")
+
+
 def _vicon_parts() -> str:
     """Give the events, with a rate of their own, and angles above the trajectories."""
     events = "Events\n1000\nSubject,Context,Name,Time (s),Description\nAnn,Left,Foot Strike,0.2,x\n\n"
@@ -413,6 +425,7 @@ def _tables() -> dict[str, Kind]:
         "Motive's markers without titles": (re.sub("(?m)^,(Type|Name|ID)", ",", _motive_markers()).replace(",7", "".join(f",{number}" for number in range(1, 17) for _ in "xyz"), 1).replace(",7", ""), {}),
         "results, angles first": (_results(), {"rate": 30.0, "tells": "frame numbers"}),
         "Vicon Nexus": (_vicon(), {}),
+        "Vicon Nexus, speeds and accelerations": (_nexus(), {}),
         "Qualisys": (_qualisys(), {"ending": "tsv"}),
         "pandas": (_several_rows(NAMES, ["x", "y", "z"], (["joint"], ["axis"]), "every") + _frames(BODY, str), {"rate": 30.0, "tells": "times: none"}),
         "a row a joint": (_long("{frame},{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}", end=",score").replace("time,joint", "timestamp,keypoint"), {}),
@@ -435,6 +448,7 @@ def _tables() -> dict[str, Kind]:
         "two people whom nothing tells apart": (_two("who", "time", ("ann", "ann")), {"reads": False, "tells": "two bodies at one time"}),
         "two people by A:": (_people("{}:{}", ("A", "B")), {"people": ("A", "B")}),
         "two people by person_1_": (_people("{}_{}", ("person_1", "person_2")), {"people": ("person_1", "person_2")}),
+        "a person and a box": (table(names=[*(f"ann:{name}" for name in NAMES), "box:left", "box:right"], positions=np.concatenate([BODY, BODY[:, :2] + 0.3], axis=1)), {"tells": "subjects: ann, box: one body; --joints 'ann:*'"}),
         "two people, and a slip of the tracker": (_two("id", "time", ("1", "2")) + table(clock="time", times=["0.79"], more=[("id", 3)]).splitlines()[1] + "\n", {"people": ("1", "2"), "tells": "in one frame, or in none: 3"}),
         "times in German": (table(clock="Zeit"), {}),
         "times in Chinese": (table(clock="时间(ms)", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
@@ -458,6 +472,10 @@ def _tables() -> dict[str, Kind]:
         "two people, names again, by pandas": (table(names=[f"{who}{name}" for who in ("", ".1") for name in NAMES], head=lambda name, axis: f"{name.removeprefix('.1')}_{axis}{'.1' * (name[0] == '.')}", positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("0", "1")}),
         "two people by a number behind the axis": (table(names=[f"{who}{name}" for who in "12" for name in NAMES], head=lambda name, axis: f"{name[1:]}_{axis}_{name[0]}", positions=np.concatenate([BODY, BODY + np.array([1.5, 0, 0])], axis=1)), {"people": ("1", "2")}),
         "Unity's clock": (table(clock="realtimeSinceStartup"), {}),
+        "milliseconds since the start": (table(clock="ms_since_start", times=[f"{time * 1000:.1f}" for time in TIMES]), {}),
+        "times of three digits": (table(times=[f"{time:.3g}" for time in TIMES]), {}),
+        "times of five digits from ten seconds on": (table(times=[f"{time + 9.8:.5g}" for time in TIMES]), {}),
+        "a frame dropped, times of two decimals": (table(times=[f"{place / 100 + (place > 20) / 100:.2f}" for place in range(48)]), {"rate": 100.0, "body": np.insert(BODY, 21, (BODY[20] + BODY[21]) / 2, axis=0)}),
         "milliseconds behind a colon": (table(times=[f"10:00:00:{1000 * time:03.0f}" for time in TIMES]), {"near": 3e-3}),
         "a capture rate": ("Capture rate: 60 fps\n" + table(clock=None), {}),
         "nothing in a spreadsheet's words": (table(positions=late).replace(",,,", ",lost,#VALUE!,"), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
@@ -487,6 +505,14 @@ def _tables() -> dict[str, Kind]:
         "a picture's places and the world's": (table(head="{}_world_{}".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
         "the world's places behind a picture's": (table(head="{}_{}_world".format, more=[(f"{n}_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips"}),
         "local places": (table(head="{}_global_{}".format, more=[(f"{n}_local_{a}", 0.5) for n in NAMES for a in "xyz"]), {"tells": "no positions: Hips_local"}),
+        "a row a joint, translation.x": (_long("{time:.4f},{joint},{x:.4f},{y:.4f},{z:.4f}").replace("x,y,z", "translation.x,translation.y,translation.z"), {}),
+        "a row a joint, the picture's axes and 3-D ones": (_long("{time:.4f},{joint},10,20,{x:.4f},{y:.4f},{z:.4f}").replace("10,20,x,y,z", "x2d,y2d,x3d,y3d,z3d"), {}),
+        "a unit behind a name whose axis is in front": (table(head=lambda name, axis: f"{axis.upper()}_{name} [mm]", positions=1000 * BODY), {}),
+        "the same body again, filtered": (table(names=[f"{kind}_{name}" for kind in ("raw", "filt") for name in NAMES], positions=np.concatenate([BODY, BODY + 0.002], axis=1)), {"people": ("raw",), "tells": "the same body again: filt"}),
+        "names and units in brackets around axes": (_lines([["", *(name for name in NAMES for _ in "xyz")], ["Time", *"XYZ" * 16], ["(s)", *["(mm)"] * 48]], "\t") + _frames(1000 * BODY, lambda place: f"{place / RATE:.4f}", "\t"), {"ending": "txt"}),
+        "a sample's time": (table(clock="SampleTimeFine", times=_times(1e6)), {}),
+        "speeds by the same names": (table(names=NAMES * 2, positions=np.concatenate([BODY, 60 * np.gradient(BODY, axis=0)], axis=1)), {"people": ("0",), "tells": "no body: 1"}),
+        "two people glued in front": (table(names=[f"Player{who}{name}" for who in (1, 2) for name in NAMES], head=lambda name, axis: name + axis.upper(), positions=BOTH), {"people": ("Player1", "Player2")}),
         "local places alone": (table(head=lambda name, axis: f"{name}.m_LocalPosition.{axis}"), {"names": tuple(f"{name}.m_Local" for name in NAMES), "tells": "called local"}),
         "X=0.1 Y=0.2 Z=0.3": (_points("X={:.4f} Y={:.4f} Z={:.4f}"), {}),
         "Motive, the root called like the skeleton": (_motive().replace("Ann:Hips", "Ann:Ann"), {"names": ("Hip", *NAMES[1:])}),
@@ -579,6 +605,7 @@ def _trcs() -> dict[str, Kind]:
     texts = {
         "header and times differ": (trc(rate="600.00"), {"tells": "600 frames a second"}),
         "rate 0": (trc(rate="0"), {}),
+        "a rate a little beside the times": (trc(rate="59.94"), {}),
         "counts in the singular": (trc().replace("NumFrames\tNumMarkers", "NumFrame\tNumMarker", 1), {}),
         "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", trc()), {"reads": False, "tells": "a spreadsheet"}),
         "a frame more": (trc(frames=len(BODY) - 1), {"tells": "the header says 47, there are 48"}),
@@ -592,9 +619,9 @@ def _trcs() -> dict[str, Kind]:
         "never seen": (trc(positions=gone), {"tells": "RightFoot (never seen)", "lacking": ("RightFoot",)}),
         "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "decimal commas": (trc().replace(".", ","), {}),
-        "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",)}),
+        "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",), "tells": "1 without a name"}),
         "angles": (trc(unit="rad"), {"reads": False, "tells": "numbers in rad"}),
-        "markers without names behind": ("\n".join(line + "\t1\t2\t3" * (n > 5) for n, line in enumerate(trc().splitlines())), {}),
+        "markers without names behind": ("\n".join(line + "\t1\t2\t3" * (n > 5) for n, line in enumerate(trc().splitlines())), {"tells": "1 without a name"}),
         "an empty unit": (trc(unit=""), {"tells": "units"}),
         "no unit": (trc(unit="?"), {"tells": "units"}),
         "metres, cut to four letters": (trc(unit="mete", positions=BODY), {"near": 6e-3}),
@@ -699,6 +726,7 @@ def _bvhs() -> dict[str, Kind]:
         "colons, and names in quotes": (plain.replace("HIERARCHY", "HIERARCHY:").replace("MOTION", "MOTION:").replace("JOINT Head", 'JOINT "Head"'), {}),
         "a Frame Time of three digits": (plain.replace("Time: 0.0166667", "Time: 0.017"), {}),
         "frames over lines": (head + "Frame Time" + re.sub(r"((?: \S+){7})", r"\1\n", motion.replace(": ", ":")).replace(":", ": "), {}),
+        "the hierarchy on one line": (re.sub(r"\s*\n\s*", " ", plain.partition("MOTION")[0]) + "\nMOTION" + plain.partition("MOTION")[2], {}),
         "in a .txt": ("\n" + plain, {"ending": "txt"}),
         "two ROOTs": ("".join(f"{row[:-1]} {row}" if row[0] in "-0123456789" else row for row in twice.splitlines(keepends=True)), {"people": ("Hips", "Hips_2")}),
         "Latin letters": (plain.replace("JOINT Head", "JOINT Schädel"), {"lacking": ("Head",)}),
@@ -799,6 +827,15 @@ def _at(place: int, these: bytes, content: bytes = b"") -> bytes:
     return (content := content or c3d())[:place] + these + content[place + len(these) :]
 
 
+def _whole_rate() -> bytes:
+    """Give a C3D whose POINT:RATE is a whole number of two bytes, and whose header says none."""
+    real = struct.pack("bb", 4, 1) + b"RATE" + struct.pack("<hbBf", 9, 4, 0, RATE) + b"\0"
+    whole = struct.pack("bb", 4, 1) + b"RATE" + struct.pack("<hbBh", 7, 2, 0, 60) + b"\0"
+    begin, mark, end = c3d(rates=(0, RATE)).partition(real)
+    labels, size = end.find(b"\0\0\0\0"), len(real) - len(whole)
+    return begin + (whole if mark else b"") + end[:labels] + b"\0" * size + end[labels:]
+
+
 def _unseen() -> bytes:
     """Give a C3D whose residuals say that no marker was seen."""
     begin = len(content := c3d()) - len(BODY) * len(NAMES) * 16
@@ -818,6 +855,7 @@ def _c3ds() -> dict[str, Kind]:
     } | {
         "the rate in the header alone": (c3d(rates=(RATE, 0)), {}),
         "the rate in POINT alone": (c3d(rates=(0, RATE)), {}),
+        "a whole number for the rate": (_whole_rate(), {}),
         "no rate": (c3d(rates=(0, 0)), {"reads": False, "tells": "--frame-rate"}),
         "unit of four letters": (c3d(unit="mete"), {}),
         "unknown unit": (c3d(unit="xx"), {"tells": "units"}),

@@ -32,6 +32,8 @@ from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.skeleton import Skeleton
 
 _CHANNEL = re.compile(r"([xyz])(position|rotation|scale)", re.IGNORECASE)
+#: Braces, and the words that may stand behind others on a line.
+_CUT = re.compile(r"([{}])|(?<!JOINT)(?<!ROOT)\s(?=(?:ROOT|JOINT|End\s+Site|OFFSET|CHANNELS|MOTION)\s)")
 #: Frames per second at least: longer Frame Times count the frames, or milliseconds.
 _SLOWEST = 0.2
 #: Statements between MOTION and the first frame, at most.
@@ -85,11 +87,12 @@ class BvhMotion:
 
 
 def _statements(path: Path) -> Iterator[Line]:
-    """Give braces, and the texts between braces and line ends."""
+    """Give braces, and the texts between braces, line ends, and words that begin a statement behind another one."""
     # Joint names come in any encoding; a name that is not UTF-8 must not stop the reader.
     for number, text in enumerate(lines_of(path, errors="replace"), start=1):
-        for piece in re.split(r"([{}])", text) if "{" in text or "}" in text else (text,):
-            if (words := piece.split()) and not words[0].startswith(("#", "//")):
+        several = "{" in text or "}" in text or text.lstrip().startswith(("HIERARCHY", "OFFSET", "CHANNELS"))
+        for piece in _CUT.split(text) if several else (text,):
+            if piece and (words := piece.split()) and not words[0].startswith(("#", "//")):
                 yield Line(path, number, words)
 
 

@@ -22,8 +22,8 @@ _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*
 _NUMBER = re.compile(r"\d+[ _\-.)]+(?=[^\W\d])")
 #: A mark between words.
 _MARK = re.compile(r"[ _\-./]+")
-#: Where a person's number has no mark before it.
-_GLUED = -2
+#: Where a person's number has no mark before it, and where a word and a number have none behind them (`P1Hips`).
+_GLUED, _AHEAD = -2, -3
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
 
@@ -86,7 +86,7 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
     if len({*Counter(labels).values()}) == 1:
         before = defaultdict[str, Iterator[int]](counted)
         labels = [f"{next(before[label])}:{label}".removeprefix("0:") for label in labels]
-    for count in (0, 1, 2, 3, -1, _GLUED):
+    for count in (0, 1, 2, 3, -1, _GLUED, _AHEAD):
         people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
             person, rest = _cut(label, count) if count else label.rpartition(":")[::2]
@@ -116,8 +116,11 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
 def _cut(label: str, count: int) -> tuple[str, str]:
     """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part.
 
-    `_GLUED`: its last digit (`Spine12` is the second person's `Spine1`).
+    `_GLUED`: its last digit (`Spine12` is the second person's `Spine1`). `_AHEAD`: what stands up to a number.
     """
+    if count == _AHEAD:
+        ahead = re.match(r"[A-Za-z]+\d+(?=[A-Z][a-z])", label)
+        return (ahead[0], label[ahead.end() :]) if ahead else ("", label)
     if count == _GLUED:
         return (label[-1], label[:-1]) if label[-1:].isdecimal() else ("", label)
     marks = [*_MARK.finditer(label)]

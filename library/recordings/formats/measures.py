@@ -99,7 +99,7 @@ _TIE = 1e-6
 FRAME_RATE = 30.0
 #: Seconds of the units in which files count time, by the words for them in a column's name.
 SECONDS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
-_FRAMES = frozenset(WORDS["columns"]["frames"])
+_FRAMES, _TIMES = (frozenset(WORDS["columns"][kind]) for kind in ("frames", "times"))
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
 _RATES = ((14.0, 500.0), (1.0, 1000.0))
 #: Steps of times that are smaller are a moment in no unit.
@@ -110,6 +110,8 @@ _MOST_BY_TICKS = 70.0
 _NEARLY = 0.1
 #: Times that differ from even ones by less than this share of a frame are even.
 _EVEN = 1e-4
+#: Frames whose times show how they are rounded; a slip of more than this share of a frame is a missing one.
+_LAST, _SLIP = 16, 0.9
 #: A column of times is passed over for one that goes on more often: it has less than this share of its steps.
 _GOES = 0.9
 #: Steps for each one backwards, at least, where takes follow each other; otherwise the times mean nothing.
@@ -218,7 +220,8 @@ def seconds_of(moments: Times, name: str, rate: float | None = None) -> tuple[Ti
     steps = np.diff(since)[np.diff(since) > _LEAST_STEP]
     step = float(np.median(steps)) if len(steps) else 0.0
     words, named = words_of(name), _unit_in(name)
-    if step >= 1 and (since % 1 == 0).all() and (_FRAMES & {*words} or (step == 1 and named != 1e-3)):
+    counts = _FRAMES & {*words} and not _TIMES & {*words}
+    if step >= 1 and (since % 1 == 0).all() and (counts or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
     units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9, 60.0, 86_400.0) if unit]
     if step and rate and not named:
@@ -292,7 +295,8 @@ def timing(
         return seconds, given
     pace = _pace(seconds)
     if abs(said / pace - 1) <= _ABOUT:
-        return seconds, given or said
+        # Even times, which need no grid, are more exact than a header.
+        return seconds, given or (None if _even_rate(seconds) and not _even_rate(seconds, said) else said)
     notes.append(f"times: the header says {said:g} frames a second, {name.strip()!r} {pace:.4g}: the times count")
     return seconds, given
 
@@ -325,23 +329,19 @@ def laid(times: Times, positions: Positions, rate: float | None = None) -> Evene
     last = np.append(np.diff(times) > 0, True)
     if len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2:
         return evened(times, positions, rate=rate)
-    times, positions = times[last], positions[last]
-    steps = np.diff(times)
-    since = times - times[0]
-    mean, rounded = len(steps) / float(since[-1]), _rounding(since)
+    even = _even_rate(times[last] - times[0], rate)
+    return Evened(positions[last], even, 0, ()) if even else evened(times, positions, rate=rate)
+
+
+def _even_rate(since: Times, rate: float | None = None) -> float:
+    """Give the rate at which times are even but for rounding, a known one or their own; 0 where they are not."""
+    mean = (len(since) - 1) / float(since[-1])
+    # `%g` rounds the last times most.
+    last = np.diff(since[-_LAST:])
+    rounded = next((10.0**-n for n in range(1, 8) if _is_rounded(last, n)), 0.0)
     own = rate or _whole(mean, 1e-6 + rounded / float(since[-1]))
-    if np.ptp(since - np.arange(len(since)) / own) <= 1.01 * rounded + _EVEN / mean:
-        return Evened(positions, own, 0, ())
-    return evened(times, positions, rate=rate)
-
-
-def _rounding(since: Times) -> float:
-    """Give the seconds to which times are rounded, by their decimals or, as `%g` does, by their digits; 0: neither."""
-    place = 3 - math.floor(math.log10(since[-1]))
-    late = np.diff(since[since >= 10.0 ** (3 - place)])
-    decimals = (10.0**-n for n in range(8) if _is_rounded(since, n))
-    digits = (10.0**-n for n in range(place, place + 4) if len(late) and _is_rounded(late, n))
-    return max(next(decimals, 0.0), next(digits, 0.0))
+    slip = float(np.ptp(since - np.arange(len(since)) / own))
+    return own if slip <= min(1.01 * rounded + _EVEN / mean, _SLIP / mean) else 0.0
 
 
 def _is_rounded(times: Times, place: int) -> bool:

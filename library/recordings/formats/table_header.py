@@ -24,7 +24,8 @@ _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
     re.compile(rf"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
-        r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*[^\W_]|\d+)[\W_]*"
+        r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
+        r"(?:[\W_]*[(\[](?P<unit>[µa-zA-Z]{1,11})[)\]])?[\W_]*"
     ),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
     re.compile(r"(?P<joint>.*\d)(?P<axis>[xyz])"),
@@ -35,7 +36,7 @@ _AXES = re.compile("w?xyz|0123?4?|1234?")
 _WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
-    r"(?:(?:pos|position|loc|location|coord|world|global|[pt])[\W_]*){0,2}([xyz])(?:[\W_]+(\w{1,11}))?[\W_]*",
+    r"(?:(?:pos|position|translation|loc|location|coord|world|global|3d|[pt])[\W_]*){0,2}([xyz])(?:3d)?(?:[\W_]+(\w{1,11}))?[\W_]*",
     re.IGNORECASE,
 )
 #: Words of columns (`words.toml`).
@@ -277,7 +278,7 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
         if axis in ("x", "y", "z")
         and not any(_NO_PLACES & {*words_of(row[column])} for row in kinds)
         # Degrees and newtons are no positions.
-        and not any(row[column] and row[column] not in METRES for row in below)
+        and not any(row[column] and metres_of(row[column]) is None for row in below)
         and not any(row[column].lower() in spare for row in above)
     ]
     if not ours or not above:
@@ -300,7 +301,9 @@ def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
     others = [joint for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}]
     whole = _apart({joint: each for joint, each in joints.items() if joint not in others})
     units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
+    # What stands below an axis is no clock: Vicon's speeds count in `mm/s`.
     names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
+    names = ["" if axis in {*"xyz"} else name for axis, name in zip(axes, names, strict=True)]
     return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
 
 

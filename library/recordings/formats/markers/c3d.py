@@ -60,6 +60,14 @@ def _texts(name: str, said: Any, group: str = "POINT") -> list[str]:  # noqa: AN
     return [text.partition("\0")[0].strip() for each in held for text in each.string_array.ravel().tolist()]
 
 
+def _number(said: Any, name: str) -> float:  # noqa: ANN401
+    """Give the number that a parameter holds, a real or a whole one, as some programs write; 0 where it has none."""
+    held = said.get(name)
+    if not held or not held.bytes:
+        return 0.0
+    return float(held.float_value if held.bytes_per_element == 4 else held.uint16_value)
+
+
 def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> NDArray[np.float64]:  # noqa: ANN401
     """Read all numbers from a block on as frames of so many numbers each."""
     begin = (block - 1) * _BLOCK
@@ -91,9 +99,9 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
 
     Where header and parameters differ those count by which `held` bytes are as many frames as announced.
     """
-    header, used, factor = said.header, said.get("POINT:USED"), said.get("POINT:SCALE")
-    points = header.point_count, int(used.uint16_value) if used else 0
-    scales = header.scale_factor, float(factor.float_value) if factor else math.nan
+    header = said.header
+    points = header.point_count, int(_number(said, "POINT:USED"))
+    scales = header.scale_factor, _number(said, "POINT:SCALE") or math.nan
 
     def apart(kind: tuple[int, float]) -> float:
         size = (4 if kind[1] < 0 else 2) * (4 * kind[0] + header.analog_count)
@@ -105,8 +113,8 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
 
 def _counted(said: Any, numbers: NDArray[np.float64], announced: int) -> int:  # noqa: ANN401
     """Count the frames: as the header says, unless the bytes, or POINT:FRAMES and the bytes, tell of others."""
-    least, parameter = announced if announced <= len(numbers) else 0, said.get("POINT:FRAMES")
-    unsaid, count = not least or announced == _WRAP - 1, int(parameter.uint16_value) if parameter else 0
+    least, count = announced if announced <= len(numbers) else 0, int(_number(said, "POINT:FRAMES"))
+    unsaid = not least or announced == _WRAP - 1
     if unsaid or len(numbers) >= announced + _WRAP:
         # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
         frames = len(numbers) if unsaid else announced + (len(numbers) - announced) // _WRAP * _WRAP
@@ -123,8 +131,7 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     # Where the header does not say it, frames follow the parameters, whose third byte counts their blocks.
     block = said.header.data_block or begin + content[(begin - 1) * _BLOCK + 2]
     announced, width, place = _announced(said), 4, 0
-    held = (said.get(f"ROTATION:{name}") for name in ("USED", "DATA_START"))
-    turns, matrices = (int(each.uint16_value) if each else 0 for each in held)
+    turns, matrices = (int(_number(said, f"ROTATION:{name}")) for name in ("USED", "DATA_START"))
     if turns and matrices > block and said.header.point_count:
         # Matrices of segments stand behind the points.
         content = content[: (matrices - 1) * _BLOCK]
@@ -191,7 +198,7 @@ def read_clips(
         # Some programs list none of them.
         no_places |= {each for each in labels if {f"{w.rstrip('s').upper()}S" for w in words_of(each)} & {*_NO_PLACES}}
         unit = next((each for each in _texts("UNITS", said) if each), "")
-        rates = [said.header.frame_rate, *([said.point_rate] if said.get("POINT:RATE") else [])]
+        rates = said.header.frame_rate, _number(said, "POINT:RATE")
     except Exception as error:  # the package has any for a file that makes no sense
         got = str(error) if type(error) is ValueError else type(error).__name__
         if got.startswith("expected"):

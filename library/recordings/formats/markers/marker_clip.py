@@ -1,6 +1,8 @@
 """Markers or joint centres over time, as in C3D, TRC and tables, made into a clip of those that were seen."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +27,11 @@ from kinespace.library.skeleton import Skeleton
 
 #: Two joints of a body keep their distance: it spreads over the frames by less than this share.
 _STEADY = 0.2
+#: A person's joints: their places, and their names without the person.
+_Own = dict[int, str]
 #: Markers of one segment are nearer to each other, in shares of how far half of all are from the middle; people never.
-_NEAR = 0.5
+#: A body that is smoothed, or stands there again, is nearer to the first one than two people who stand at one place.
+_NEAR, _SAME = 0.5, 0.03
 #: Share of the markers whose absence makes a frame one without a body, the first that leaves half of the markers.
 _ABSENT = (0.5, 0.25, 0.0)
 #: Markers that a remark lists, at most.
@@ -46,7 +51,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
 ) -> list[Clip]:
     """Make a clip of the markers that are wanted and were seen, for each person that their labels name.
 
-    Of several people those who are never seen are left out.
+    Of several people those who are never seen are left out, and those who are no bodies: speeds, say.
 
     A marker that is missing for a short time is put on a straight line; before its first and after its last sight it
     rests. One that is missing for longer than `MAX_GAP` is left out; where most markers are missing the body rests, and
@@ -83,21 +88,15 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         raise ValueError(f"expected at least 2 labelled points, got {len(kept)}{others}")
     memory.require_numbers(len(positions) * len(kept) * 3)
     aside = [f"left out: {unnamed} without a name; --joints '*' takes all"] if unnamed else []
-    named = [labels[index] for index in kept]
+    named, positions = [labels[index] for index in kept], positions[:, kept]
     clips, people = list[Clip](), people_in(named)
-    if _are_markers(people, named, positions[:, kept]):
+    if _are_markers(people, named, positions):
         people = {"": dict(enumerate(named))}
-    theirs = {place for own in people.values() for place in own}
-    if things := [labels[index] for place, index in enumerate(kept) if place not in theirs]:
-        aside.append(f"left out: no performer's: {listed(things, 5)}")
-    several = people.items() if len(people) > 1 else ()
-    unseen = [person for person, own in several if not is_seen(positions[:, [kept[each] for each in own]])]
-    if 0 < len(unseen) < len(people):
-        aside.append(f"left out: never seen: {', '.join(unseen[:5])}")
-        people = {person: own for person, own in people.items() if person not in unseen}
+    aside += _oddities(people, named)
+    people = _performers(people, positions, aside)
     for person, own in people.items():
         names, twice = short_names([*own.values()])
-        found = _seen(positions[:, [kept[each] for each in own]])
+        found = _seen(positions[:, [*own]])
         found *= guessed_metres(found, names) if metres is None else metres
         even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
         clip = _clip(names, even, (*notes, *aside, *twice))
@@ -105,21 +104,60 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     return clips
 
 
+def _oddities(people: dict[str, _Own], labels: Sequence[str]) -> Iterator[str]:
+    """Say which labels are nobody's, and which subjects, that share no marker's name, make one body."""
+    theirs = {place for own in people.values() for place in own}
+    if things := [name for place, name in enumerate(labels) if place not in theirs]:
+        yield f"left out: no performer's: {listed(things, 5)}"
+    subjects = Counter(filter(None, (labels[place].rpartition(":")[0] for place in sorted(theirs))))
+    if len(people) == 1 < len(subjects):
+        largest = max(subjects, key=subjects.__getitem__)
+        yield f"subjects: {listed([*subjects], 5)}: one body; --joints '{largest}:*' takes one"
+
+
 def is_seen(positions: Positions) -> bool:
     """Say whether there is a person: two markers or more are seen at some time; positions as for `clips_of_markers`."""
     return bool(np.isfinite(_seen(positions)[:, :, 0]).any(axis=0).sum() > 1)
 
 
-def _are_markers(people: Mapping[str, Mapping[int, str]], labels: Sequence[str], positions: Positions) -> bool:
+def _performers(people: dict[str, _Own], positions: Positions, notes: list[str]) -> dict[str, _Own]:
+    """Leave out of several people whom nobody saw, what is no body, as speeds are, and a body that is there again."""
+    tests: dict[str, Callable[[_Own, _Own], bool]] = {
+        "never seen": lambda own, _: is_seen(positions[:, [*own]]),
+        "no body": lambda own, _: _is_body(positions[:, [*own]]),
+        "the same body again": lambda own, first: own is first or _apart(first, own, positions) > _SAME,
+    }
+    for what, is_one in tests.items():
+        first = next(iter(people.values()))
+        lost = [person for person, own in people.items() if not is_one(own, first)]
+        if 0 < len(lost) < len(people):
+            notes.append(f"left out: {what}: {', '.join(lost[:5])}")
+            people = {person: own for person, own in people.items() if person not in lost}
+    return people
+
+
+def _is_body(positions: Positions) -> bool:
+    """Say whether two of the joints that are seen keep their distance, or too few frames show them to tell."""
+    seen = _seen(positions)
+    seen = seen[:, np.isfinite(seen[:, :, 0]).any(axis=0)]
+    return _holds_together(seen[np.isfinite(seen).all(axis=(1, 2))])
+
+
+def _are_markers(people: Mapping[str, _Own], labels: Sequence[str], positions: Positions) -> bool:
     """Say whether numbers behind names count markers of one body (`LThigh1`, `LThigh2`): those of a name are near."""
     first, *others = people.values()
     if not others or not all(map(str.isdecimal, people)) or any(labels[place] == name for place, name in first.items()):
         return False
-    seen, second = _seen(positions), {name: place for place, name in others[0].items()}
+    return _apart(first, others[0], positions) < _NEAR
+
+
+def _apart(first: _Own, other: _Own, positions: Positions) -> float:
+    """Give how far joints of the same names are apart, in shares of how far half of all are from the middle."""
+    seen, second = _seen(positions), {name: place for place, name in other.items()}
     both = [(place, second[name]) for place, name in first.items() if name in second]
     apart = np.linalg.norm(np.diff(seen[:, both], axis=2), axis=3)
     apart = apart[np.isfinite(apart)]
-    return bool(len(apart)) and float(np.median(apart)) < _NEAR * from_middle(seen)[1]
+    return float(np.median(apart)) / (from_middle(seen)[1] or 1.0) if len(apart) else math.inf
 
 
 def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
@@ -204,9 +242,11 @@ def _filled(positions: Positions, missing: NDArray[np.bool_], absent: Sequence[t
 def _holds_together(positions: Positions) -> bool:
     """Say whether two of some joints keep their distance, in some frames."""
     some = positions[:: 1 + len(positions) // 32, :40]
+    if len(some) < 3 or some.shape[1] < 4:
+        return True
     apart = np.linalg.norm(some[:, :, None] - some[:, None], axis=3)
     mean = apart.mean(axis=0)
-    return len(some) < 3 or len(mean) < 4 or bool((apart.std(axis=0)[mean > 0] < _STEADY * mean[mean > 0]).any())
+    return bool((apart.std(axis=0)[mean > 0] < _STEADY * mean[mean > 0]).any())
 
 
 def _left_out(names: Sequence[str], missing: NDArray[np.bool_], lost: NDArray[np.bool_]) -> list[str]:

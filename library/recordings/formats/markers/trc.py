@@ -56,9 +56,9 @@ def _labels(path: Path, number: int, line: str, announced: int, lead: int) -> li
     """Read the names of the markers, which stand three tabs apart, between any blanks, or thrice."""
     cells = [label.strip() for label in line.split("\t")[lead:]]
     if any(cells[::3]) and not any((*cells[1::3], *cells[2::3])) and len(cells[::3]) >= announced > 1:
-        # A marker without a name keeps its columns.
+        # A marker without a name keeps its columns; a star stands for the name, as in C3D.
         count = max(announced, *(number for number, cell in enumerate(cells[::3], 1) if cell))
-        return [cell or f"marker {number}" for number, cell in enumerate(cells[::3][:count], 1)]
+        return [cell or f"*{number}" for number, cell in enumerate(cells[::3][:count], 1)]
     tabbed = [label for label in cells if label]
     spaced = line.split()[lead:]
     found = spaced if len(tabbed) < 2 or len(spaced) == announced != len(tabbed) else tabbed
@@ -68,7 +68,7 @@ def _labels(path: Path, number: int, line: str, announced: int, lead: int) -> li
     names, axes = [name for name, _ in named], {axis for _, axis in named[::3]}
     if names[::3] == names[1::3] == names[2::3] and axes <= {"x", ""}:
         return names[::3]
-    return [*found, *(f"marker {number}" for number in range(len(found) + 1, announced + 1))]
+    return [*found, *(f"*{number}" for number in range(len(found) + 1, announced + 1))]
 
 
 def _fields(line: str, columns: int) -> list[float | None]:
@@ -101,7 +101,7 @@ def _frames(
                 labels, lead = _labels(path, *named, 1), 1
             # Names behind those that are announced, without columns; and markers behind those that have names.
             labels = labels[: max((len(fields) - lead) // 3, named[2] or len(labels))]
-            labels += [f"marker {number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]
+            labels += [f"*{number}" for number in range(len(labels) + 1, len(fields) // 3 + 1)]
             columns = lead + 3 * len(labels)
         row = [each for each in fields if each is not None]
         if frames and len(row) < columns and not line.endswith(("\n", "\r")):

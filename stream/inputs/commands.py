@@ -146,8 +146,10 @@ class RequestSource(IdleSource):
         """Take in one request; None when none waits, or while one waits for its reply."""
         try:
             request = self.pollable.recv_multipart(zmq.NOBLOCK, copy=False)[0]
-        except zmq.ZMQError:
-            # The socket takes none before its reply, either.
+        except zmq.ZMQError as error:
+            # Before its reply the socket takes none, either.
+            if error.errno not in (zmq.EAGAIN, zmq.EFSM):
+                raise
             return None
         return [self._asked(request, arrival)]
 

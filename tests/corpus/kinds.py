@@ -827,13 +827,13 @@ def _at(place: int, these: bytes, content: bytes = b"") -> bytes:
     return (content := content or c3d())[:place] + these + content[place + len(these) :]
 
 
-def _whole_rate() -> bytes:
-    """Give a C3D whose POINT:RATE is a whole number of two bytes, and whose header says none."""
+def _whole_rate(size: int) -> bytes:
+    """Give a C3D whose POINT:RATE is a whole number of one byte or two, and whose header says none."""
     real = struct.pack("bb", 4, 1) + b"RATE" + struct.pack("<hbBf", 9, 4, 0, RATE) + b"\0"
-    whole = struct.pack("bb", 4, 1) + b"RATE" + struct.pack("<hbBh", 7, 2, 0, 60) + b"\0"
+    whole = struct.pack("bb", 4, 1) + b"RATE" + struct.pack("<hbB", 5 + size, size, 0) + bytes([60, 0])[:size] + b"\0"
     begin, mark, end = c3d(rates=(0, RATE)).partition(real)
-    labels, size = end.find(b"\0\0\0\0"), len(real) - len(whole)
-    return begin + (whole if mark else b"") + end[:labels] + b"\0" * size + end[labels:]
+    labels, less = end.find(b"\0\0\0\0"), len(real) - len(whole)
+    return begin + (whole if mark else b"") + end[:labels] + b"\0" * less + end[labels:]
 
 
 def _unseen() -> bytes:
@@ -855,7 +855,8 @@ def _c3ds() -> dict[str, Kind]:
     } | {
         "the rate in the header alone": (c3d(rates=(RATE, 0)), {}),
         "the rate in POINT alone": (c3d(rates=(0, RATE)), {}),
-        "a whole number for the rate": (_whole_rate(), {}),
+        "a whole number for the rate": (_whole_rate(2), {}),
+        "a byte for the rate": (_whole_rate(1), {}),
         "no rate": (c3d(rates=(0, 0)), {"reads": False, "tells": "--frame-rate"}),
         "unit of four letters": (c3d(unit="mete"), {}),
         "unknown unit": (c3d(unit="xx"), {"tells": "units"}),

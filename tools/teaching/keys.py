@@ -38,7 +38,7 @@ class Keys:
     shown
         Shows the list of keys.
     ask
-        Takes each command, in a thread of its own.
+        Takes each command, in the keys' own thread.
     """
 
     def __init__(self, lessons: Lessons, shown: LiveTable, ask: Callable[[Asked], object]) -> None:

@@ -65,7 +65,7 @@ def _number(said: Any, name: str) -> float:  # noqa: ANN401
     held = said.get(name)
     if not held or not held.bytes:
         return 0.0
-    return float(held.float_value if held.bytes_per_element == 4 else held.uint16_value)
+    return float(getattr(held, {1: "uint8_value", 4: "float_value"}.get(held.bytes_per_element, "uint16_value")))
 
 
 def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> NDArray[np.float64]:  # noqa: ANN401

@@ -93,7 +93,8 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     if _are_markers(people, named, positions):
         people = {"": dict(enumerate(named))}
     aside += _oddities(people, named)
-    people = _performers(people, positions, aside)
+    if len(people) > 1:
+        people = _performers(people, positions, aside)
     for person, own in people.items():
         names, twice = short_names([*own.values()])
         found = _seen(positions[:, [*own]])

@@ -217,6 +217,8 @@ _TRIED_EVERY = 0.1
 _FRAMES_AT_ONCE = 6
 #: Seconds of the pause.
 _PAUSE = 0.002
+#: Seconds after which a trial ends: on a busy machine five minutes of frames take longer than anybody waits for a word.
+_TRIED_FOR = 20.0
 
 
 class Change(NamedTuple):
@@ -323,7 +325,7 @@ class RosterOpener:
         return True
 
     def _tried(self, change: Change, index: WindowIndex) -> Tried:
-        """Count how often the new class would have been said in the performer's last minutes.
+        """Count how often the new class would have been said in the performer's last minutes, or in their first part.
 
         Neither the end of the program nor another change, which somebody wants to see at once, waits for a count.
         """
@@ -332,10 +334,12 @@ class RosterOpener:
             return Tried()
         recognizer = Recognizer(index, replace(change.settings, hop=_TRIED_EVERY))
         before, begin = change.before.clip(), change.before.frames[0][0]
-        started, done = list[float](), list[float]()
+        started, done, until = list[float](), list[float](), time.monotonic() + _TRIED_FOR
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
             if place % _FRAMES_AT_ONCE == 0 and (self._ending.wait(_PAUSE) or not self._changes.empty()):
                 return Tried()
+            if time.monotonic() > until:
+                break
             recognition = recognizer.push(Frame("before", moment, positions))
             for event in recognition.events if recognition else ():
                 started += [event.time] * (event.kind is EventKind.START and event.label == name)
@@ -343,7 +347,7 @@ class RosterOpener:
                 done.append(recognition.done.start + recognition.done.duration / 2)
         own = [(each.start - begin, each.end - begin) for each in change.before.shown]
         starts, ends = (sum(not any(a <= at <= b for a, b in own) for at in times) for times in (started, done))
-        return Tried(starts, ends, before.duration)
+        return Tried(starts, ends, moment)
 
 
 #: The share of a feed's joints, or of HDM05's, that both must have for HDM05's metrics to compare the examples: a hand

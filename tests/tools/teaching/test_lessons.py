@@ -29,6 +29,7 @@ from kinespace.stream.teaching.commands import Tried
 from kinespace.stream.teaching.examples import Example, Roster, TaughtWindows
 from kinespace.stream.zeromq import Endpoint
 from kinespace.tools.cli.console import require_place_for
+from kinespace.tools.teaching import lessons
 from kinespace.tools.teaching.keys import HINT, Keys
 from kinespace.tools.teaching.lessons import Change, ClassPlaces, RosterOpener, open_lessons
 from kinespace.tools.teaching.roster_file import RosterFile
@@ -144,6 +145,16 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     stage.until(lambda heard: heard.steps().count(Step.DONE) == 3)
     assert stage.heard.of(Notice)[-2] == Taught("nothing", 1, pytest.approx(3.0, abs=1.0), "good", Tried())
     assert "my squat" not in _show(stage, 60, "squat1Reps", 1)
+
+
+@pytest.mark.slow
+def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The word comes, with the seconds on which it was tried."""
+    monkeypatch.setattr(lessons, "_TRIED_FOR", 0.0)
+    _show(stage, 0, "squat1Reps", 1)
+    _teach(stage, 10, "my squat", "squat1Reps")
+    (taught,) = stage.until(lambda heard: Step.DONE in heard.steps()).of(Taught)
+    assert taught.tried.seconds < 1.0
 
 
 @pytest.mark.slow

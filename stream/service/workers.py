@@ -37,13 +37,12 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.packet import IdleSource, remember
 from kinespace.stream.present import MAX_REMEMBERED, Present
 from kinespace.stream.recognition import Event, Recognition
-from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.recognizer.decision import Events
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
 from kinespace.stream.service.loop import Service
-from kinespace.stream.status import InputCounts
+from kinespace.stream.status import InputCounts, PerformerCounts, RecognizerCounts
 
 _FLOATS: np.dtype[np.floating] = np.dtype("<f4")
 _DOUBLES: np.dtype[np.floating] = np.dtype("<f8")
@@ -257,15 +256,11 @@ class Track:
 
     def end(self) -> Event | None:
         """End the motion that goes on."""
-        return self.events.end(self._kept[-1].sent.time) if self._kept else None
+        return self.events.end(self._kept[-1].sent.time)
 
     def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
         """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
-        begun = self.events.going_on
-        ended = self.end() if begun and begun.label not in classes else None
-        begun = self.events.going_on
-        self.events = Events(lead, begun and replace(begun, index=classes.index(begun.label)))
-        return ended
+        return self.events.exchange(classes, lead, self._kept[-1].sent.time)
 
     def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
         """Give the frames that another worker is shown, and those that it answers."""
@@ -362,7 +357,9 @@ class Gateway(Present[Track]):
     def _know(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         motions = library.library if isinstance(library, WindowIndex) else library
         self._skeleton, self._packed = motions.skeleton, bytes(ForkingPickler.dumps(library))
-        self._usual_sensitivity, self._lead = usual_sensitivity(motions), needed_lead(motions, self.settings)
+        #: The sensitivity of all recognisers.
+        self.sensitivity = sensitivity_for(motions, self.settings)
+        self._lead = needed_lead(motions, self.settings)
         self.classes = tuple(order) or motions.classes
         self.terms = self.terms._replace(classes=tuple(order))
 
@@ -374,18 +371,13 @@ class Gateway(Present[Track]):
         return self.terms.settings
 
     @property
-    def sensitivity(self) -> float:
-        """The sensitivity of all recognisers."""
-        return self._usual_sensitivity if self.settings.sensitivity is None else self.settings.sensitivity
-
-    @property
     def promise(self) -> tuple[float, float | None]:
         """False alarms an hour that `done` promises; what is missed the workers know."""
         return self.settings.promised, None
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity soon."""
-        self.terms = self.terms._replace(settings=replace(self.settings, sensitivity=share))
+        self.terms, self.sensitivity = self.terms._replace(settings=replace(self.settings, sensitivity=share)), share
         self._tell_all(bytes(ForkingPickler.dumps(None)))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
@@ -664,11 +656,7 @@ def _named(worker: str) -> str:
 
 def _summed(reports: Sequence[Report]) -> Report:
     """Add up reports: the counts that the gateway does not know itself."""
-    counts = PerformerCounts()
-    for each in reports:
-        counts.recognizers.add(each.counts.recognizers)
-        counts.other_joints += each.counts.other_joints
-        counts.opening += each.counts.opening
+    counts = sum((each.counts for each in reports), start=PerformerCounts())
     return Report(counts, stale=sum(each.stale for each in reports))
 
 
@@ -807,7 +795,7 @@ class Worker(Sink, IdleSource):
     def _report(self, now: float) -> Report:
         self._next_report = now + REPORT_EVERY
         performers, counts = self._performers, self._performers.counts
-        counts.recognizers.add(self._shown, -1)
+        counts.recognizers -= self._shown
         stale = self.service.status().inputs.stale
         return Report(counts, performers.refused, performers.doubted, performers.compared, stale)
 
@@ -818,5 +806,4 @@ class Worker(Sink, IdleSource):
         older = next(place for place, moment in enumerate(times) if moment >= times[-1] - _COMPARED)
         self._performers.push_all(seen[:older], now, newest_only=True)
         self._performers.push_all(seen[older:], now)
-        self._shown.add(self._performers.counts.recognizers)
-        self._shown.add(before, -1)
+        self._shown += self._performers.counts.recognizers - before

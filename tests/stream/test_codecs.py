@@ -30,10 +30,8 @@ from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
 from kinespace.stream.recognition import Answer, Gone
-from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import AdmissionCounts, InputCounts, Status
+from kinespace.stream.status import AdmissionCounts, InputCounts, PerformerCounts, RecognizerCounts, Status
 from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)

@@ -17,8 +17,7 @@ from kinespace.stream.osc import decode_packet, udp
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, PerformerCounts, Status
 
 # --- packets byte by byte ----------------------------------------------------------------------------------------
 

@@ -18,8 +18,7 @@ from zmq.auth import load_certificate
 
 from kinespace.stream import Done, Event, EventKind, zeromq
 from kinespace.stream.recognition import Classes
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, PerformerCounts, Status
 from kinespace.stream.zeromq import MAX_MESSAGE, Endpoint, Keyring, ZmqReceiver, ZmqSender
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.keys import make_keys

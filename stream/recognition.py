@@ -265,10 +265,6 @@ class Recognition:
         """The named class, or the word for the outcome: never empty, so that it can be shown directly."""
         return self.class_name or str(self.outcome)
 
-    @property
-    def progress_index(self) -> int:
-        """Index of the class whose progress is given; -1 where none is."""
-        return self.classes.index(self.progress.class_name) if self.progress else -1
 
     @property
     def followed(self) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from kinespace.library.naming import Convention, Naming, convention_named, hdm05, spelling
+from kinespace.library.naming import Naming, convention_named, hdm05, spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.feeds.kinematics import Bone
@@ -345,16 +345,15 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         own = {spelling(name): target for name, target in self.joint_map.items()}
         found = {name: own[spelling(name)] for name in names if spelling(name) in own}
         others = [name for name in names if name not in found]
-        if convention := Naming().read(others).convention or self._table_of(others):
+        # Of few joints no convention is found: the first table that knows most of them.
+        tables = map(convention_named, self.tables)
+        table = max(tables, key=lambda each: each.known(each.spelled(others)), default=None)
+        if convention := Naming().read(others).convention or table:
             read = zip(others, convention.spelled(others), Naming(convention).read(others).joints, strict=True)
             known = {name: joint for name, spelled, joint in read if spelled in convention.targets}
             found |= {name: joint if joint in _OURS else "" for name, joint in known.items()}
         return dict(sorted(found.items(), key=lambda each: _OURS.get(each[1], -1)))
 
-    def _table_of(self, names: Sequence[str]) -> Convention | None:
-        """Of few joints, give the first table that knows most."""
-        tables = map(convention_named, self.tables)
-        return max(tables, key=lambda each: each.known(each.spelled(names)), default=None)
 
 
 class Preset(PresetFile, frozen=True, kw_only=True):

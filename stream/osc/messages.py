@@ -255,7 +255,7 @@ def encode_progress(recognition: Recognition) -> bytes:
         return b""
     head = _answer_heads(recognition.performer, len(recognition.scores))[-1]
     numbers = (progress.phase, progress.speed, progress.amplitude, progress.sure, progress.scrub)
-    return head + _PROGRESS.pack(recognition.progress_index, *numbers, progress.cycles)
+    return head + _PROGRESS.pack(recognition.classes.index(progress.class_name), *numbers, progress.cycles)
 
 
 def encode_gone(performer: str) -> bytes:

@@ -153,7 +153,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     assert scores == np.float32(recognition.scores).tolist() if scores else len(recognition.scores) > 100
     followed = recognition.progress
     numbers = followed and (followed.phase, followed.speed, followed.amplitude, followed.sure, followed.scrub)
-    progress = followed and [recognition.progress_index, *(numbers or ()), followed.cycles]
+    progress = followed and [recognition.classes.index(followed.class_name), *(numbers or ()), followed.cycles]
     assert said.get(f"/motion/{part}/progress") == progress
     assert osc_answers.encode_progress(recognition) == (
         by_python_osc(f"/motion/{part}/progress", *zip("ifffffi", progress, strict=True)) if progress else b""

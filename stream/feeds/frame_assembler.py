@@ -130,7 +130,7 @@ class FrameAssembler:
         #: The last time that each sender sent for all its performers.
         self._sender_times: dict[int, float] = {}
         #: The sender's names of the joints of its frames, with the library's.
-        self._needed = {name: target for name, target in preset.joint_map.items() if target}
+        self._needed: Mapping[str, str] = {name: target for name, target in preset.joint_map.items() if target}
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
         self._targets = preset.sent

@@ -179,15 +179,10 @@ class DoneFollower:
     """
 
     def __init__(self, courses: Courses, skeleton: Skeleton, false_alarms: float) -> None:
-        self._skeleton, self._share = skeleton, share_at(false_alarms)
-        self.exchange(courses)
-
-    def exchange(self, courses: Courses) -> None:
-        """Find the motions of another library from now on."""
-        self._courses = courses
+        self._skeleton, self._courses = skeleton, courses
         self._longest = courses.counts[-1] + 1 if courses.counts else 0
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._limits = _limits_of(courses, self._share)
+        self._limits = _limits_of(courses, share_at(false_alarms))
         self._persons = dict(zip(courses.classes, courses.persons.tolist(), strict=True))
         learned = zip(self._persons.items(), courses.by_people.tolist(), strict=True)
         self._most_growth = {name: _MOST_GROWTH[2 if by else min(count, 2) - 1] for (name, count), by in learned}

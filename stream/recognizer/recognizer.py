@@ -111,21 +111,13 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self._decision = Decision(index, self.settings, classes)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
-        promised = self.settings.promised
-        self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
-        #: What the last look at whole motions saw, until an answer says it.
-        self._look: Look | None = None
-        self._gap = min(self.settings.longest_gap, self._window.seconds)
+        self._begin_with(index)
         self._skeleton = skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
-        self._times: list[float] = []
-        #: When the next answer is due, seconds.
-        self._due = -math.inf
         watched = self.settings.plausibility
         self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=watched)
-        self.fitting = Fitting(index)
         self._early = _EARLY * self.settings.hop
         self._clear()
         self._last = -math.inf
@@ -134,6 +126,14 @@ class Recognizer:
         self._performer: str | None = None
 
     __reduce__ = refuse_copies
+
+    def _begin_with(self, index: WindowIndex) -> None:
+        """Begin what is measured by the library anew: whole motions, and how like its bodies the body is."""
+        self.fitting, promised = Fitting(index), self.settings.promised
+        self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
+        #: What the last look at whole motions saw, until an answer says it.
+        self._look: Look | None = None
+        self._gap = min(self.settings.longest_gap, self._window.seconds)
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -167,9 +167,9 @@ class Recognizer:
         self._begin_again()
         self._joints.clear()
         self.fitting.begin_again()
-        self._times.clear()
-        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
-        # gap.
+        self._times: list[float] = []
+        # When the next answer is due; and NaN until the first frame: every comparison with it is False, so the first
+        # frame is neither late nor after a gap.
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
 
@@ -205,14 +205,10 @@ class Recognizer:
         require_order(order, index.library)
         with self._alone():
             self._window.exchange(index, threshold_for(index, self.settings))
-            self._gap = min(self.settings.longest_gap, self._window.seconds)
-            self.fitting = Fitting(index)
+            self._begin_with(index)
             self._fewer, self._asked_for = None, ()
             if self._progress:
                 self._progress.exchange(index.phases)
-            if self._done:
-                self._done.exchange(index.courses)
-            self._look = None
             return self._decision.exchange(index, self.settings, order, self._end_time)
 
     @property
@@ -264,8 +260,7 @@ class Recognizer:
         """
         with self._alone():
             self._clear()
-            self._look = None
-            self.fitting = Fitting(self._window.index)
+            self._begin_with(self._window.index)
             self._performer = None
 
     def push(self, frame: Frame) -> Recognition | None:

@@ -70,15 +70,15 @@ class CommandReader:
 
     Attributes
     ----------
-    received, refused
-        Packets with commands, and packets whose commands nobody obeys.
+    counts
+        Counts of packets with commands; those whose commands nobody obeys are foreign.
     others
         Messages in the last packet that were no commands; at least one where it could not be read.
     """
 
     def __init__(self, networks: Networks = (), no_lessons: str = "") -> None:
         self._commanders, self._no_lessons = Commanders(networks), no_lessons
-        self.received = self.refused = self.others = 0
+        self.counts, self.others = InputCounts(), 0
 
     def read(self, packet: Packet, sender: Sender, now: float) -> Sequence[Asked] | None:
         """Read a packet's commands; None for a packet that holds none: hundreds of frames come each second."""
@@ -100,8 +100,8 @@ class CommandReader:
         teaches = not all(isinstance(each, commands.Reset) for each in given)
         refusal = self._commanders.refusal(sender, max(len(given), 1), now)
         refusal = refusal or (self._no_lessons if teaches else "") or mistake
-        self.received += 1
-        self.refused += bool(refusal)
+        self.counts.received += 1
+        self.counts.foreign += bool(refusal)
         return [Asked(None, refusal)] if refusal else [Asked(each) for each in given]
 
 

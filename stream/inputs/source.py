@@ -10,7 +10,6 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import zmq
@@ -147,15 +146,10 @@ class Source:
     @property
     def counts(self) -> InputCounts:
         """Counts of all that came in; a copy."""
-        receiver = self.receiver
-        lost = {"overrun": receiver.kernel_drops, "broken": receiver.broken(), "thrown_away": self._turns.thrown_away}
-        counts = replace(self.decoder.counts, **lost)
-        counts.received += self._stale
-        counts.stale += self._stale
-        if self.commands:
-            counts.received += self.commands.received
-            counts.foreign += self.commands.refused
-        return counts
+        receiver, thrown_away = self.receiver, self._turns.thrown_away
+        lost = InputCounts(overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=thrown_away)
+        unread = InputCounts(received=self._stale, stale=self._stale)
+        return self.decoder.counts + lost + unread + (self.commands.counts if self.commands else InputCounts())
 
     @property
     def notes(self) -> list[str]:

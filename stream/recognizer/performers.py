@@ -138,9 +138,7 @@ class Performers(Present[_Performer]):
         self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
-        self._other_joints = self._opening = 0
-        #: Counts of recognisers that are no longer needed.
-        self._past = RecognizerCounts()
+
 
     def _compare_with(self, index: WindowIndex, order: Sequence[str]) -> None:
         require_order(order, index.library)
@@ -213,8 +211,8 @@ class Performers(Present[_Performer]):
     @property
     def counts(self) -> PerformerCounts:
         """Counts of all frames so far, by their fate."""
-        total = sum((each.recognizer.counts for each in self._here.values()), start=self._past)
-        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total, self._opening)
+        here = sum((each.recognizer.counts for each in self._here.values()), start=RecognizerCounts())
+        return self._counts + PerformerCounts(recognizers=here)
 
     @property
     def refused(self) -> dict[str, str]:
@@ -402,15 +400,15 @@ class Performers(Present[_Performer]):
     def _take(self, frame: Frame, arrival: float) -> Due | None:
         performer = self._come(frame.performer, arrival)
         if performer is None:
-            self._no_room += 1
+            self._counts.no_room += 1
             return None
         if performer.is_waiting:
             self._fit(performer)
             if performer.is_waiting and performer.unusable:
-                self._opening += 1
+                self._counts.opening += 1
                 return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
-            self._other_joints += 1
+            self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
                 self._note_refused(frame.performer, performer)
@@ -444,7 +442,7 @@ class Performers(Present[_Performer]):
 
     def _retire(self, followed: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
-        self._past += followed.recognizer.counts
+        self._counts.recognizers += followed.recognizer.counts
         super()._retire(followed)
 
     def _begin(self, name: str, now: float) -> _Performer:

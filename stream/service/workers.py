@@ -394,9 +394,7 @@ class Gateway(Present[Track]):
     @property
     def counts(self) -> PerformerCounts:
         """Counts of what happened to all frames so far, as far as workers have reported it."""
-        counts = self.reported.counts
-        counts.no_room, counts.dropped = self._no_room, self._dropped
-        return counts
+        return replace(self.reported.counts, no_room=self._counts.no_room, dropped=self._counts.dropped)
 
     #: What workers tell of performers: why frames are refused, and joints doubted, and by which they are compared.
     refused, doubted, compared = (_told(what) for what in ("refused", "doubted", "compared"))
@@ -457,7 +455,7 @@ class Gateway(Present[Track]):
     def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[SentFrame]]) -> None:
         """Add a frame to those of the worker that answers it, if there is room for its performer."""
         if (track := self._come(frame.performer, arrival)) is None:
-            self._no_room += 1
+            self._counts.no_room += 1
             return
         sent = track.send(frame, self._announced.get(frame.performer))
         if track.worker:

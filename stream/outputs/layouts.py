@@ -417,9 +417,8 @@ class WrittenLayout(Layout):
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Encode the messages of an answer."""
         named = _class_facts(recognition.performer, recognition.label, recognition.class_index, recognition.score)
-        further = dict(
-            zip(("margin", "phase", "speed", "amplitude"), (recognition.margin, *recognition.followed), strict=True)
-        )
+        phase, speed, amplitude = recognition.followed
+        further = {"margin": recognition.margin, "phase": phase, "speed": speed, "amplitude": amplitude}
         return self._encoded("answer", {**named, **further})
 
     def event(self, event: Event | Done) -> bytes | None:

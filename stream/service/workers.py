@@ -438,30 +438,20 @@ class Gateway(Present[Track]):
         del newest_only
         for_worker: dict[str, list[SentFrame]] = {}
         for event in events:
-            if isinstance(event, Frame):
-                self._route(event, arrival, for_worker)
+            if isinstance(event, Frame) and (track := self._come(event.performer, arrival)):
+                sent = track.send(event, self._announced.get(event.performer))
+                for_worker.setdefault(track.worker, []).append(sent)
+            elif isinstance(event, Frame):
+                self._counts.no_room += 1
             elif isinstance(event, Announcement):
                 remember(self._announced, event.performer, event.joints, MAX_REMEMBERED * self.most)
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
         for worker, frames in for_worker.items():
-            if not self._send(worker, encode(Orders(frames, at=time.monotonic()))):
+            if not (worker and self._send(worker, encode(Orders(frames, at=time.monotonic())))):
                 self.unsent += len(frames)
         return [None] * len(events)
-
-    # --- performers ---
-
-    def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[SentFrame]]) -> None:
-        """Add a frame to those of the worker that answers it, if there is room for its performer."""
-        if (track := self._come(frame.performer, arrival)) is None:
-            self._counts.no_room += 1
-            return
-        sent = track.send(frame, self._announced.get(frame.performer))
-        if track.worker:
-            for_worker.setdefault(track.worker, []).append(sent)
-        else:
-            self.unsent += 1
 
     def _begin(self, name: str, now: float) -> Track:  # noqa: ARG002 - as any of `Present`
         worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
@@ -532,15 +522,12 @@ class Gateway(Present[Track]):
         for worker in self.ready:
             self._send(worker, b"", library, bytes(ForkingPickler.dumps(self.terms)))
 
-    def _drop(self, worker: str, why: str) -> None:
-        """Give the performers of a worker to others; keep its counts."""
-        each = self._workers[worker]
-        if each.report:
-            self._past, each.report = _summed([self._past, each.report]), None
-            self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
-            for track in self._here.values():
-                track.worker = "" if track.worker == worker else track.worker
-            self._balance(time.monotonic())
+    def _drop(self, worker: str, report: Report, why: str) -> None:
+        """Take its performers from a worker, and keep the counts of its last report."""
+        self._past, self._workers[worker].report = _summed([self._past, report]), None
+        self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
+        for track in self._here.values():
+            track.worker = "" if track.worker == worker else track.worker
 
     def read(self) -> None:
         """Read the messages that have come."""
@@ -585,7 +572,7 @@ class Gateway(Present[Track]):
             each.newest = max(each.newest, now - MAX_SILENT / 2) if was_stopped else each.newest
             alive = each.process.is_alive()
             if each.report and not (alive and now - each.newest <= MAX_SILENT):
-                self._drop(name, "does not report" if alive else "is gone")
+                self._drop(name, each.report, "does not report" if alive else "is gone")
             if each.report:
                 each.absent_from = now
             elif now - each.absent_from > _MAX_ABSENT:

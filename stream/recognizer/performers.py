@@ -394,8 +394,7 @@ class Performers(Present[_Performer]):
         arrival
             When it came, seconds on our clock.
         """
-        due = self._take(frame, arrival)
-        return answers_to([due])[0] if due else None
+        return self.push_all([frame], arrival)[0]
 
     def _take(self, frame: Frame, arrival: float) -> Due | None:
         performer = self._come(frame.performer, arrival)

@@ -16,7 +16,7 @@ from kinespace.stream.osc.messages import decode as decode_datagram
 from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq.messages import FormatError, NumberedFrame, SequenceGaps, decode_packed
+from kinespace.stream.zeromq.messages import NumberedFrame, SequenceGaps, decode_packed
 from kinespace.stream.zeromq.messages import decode as decode_message
 
 #: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
@@ -94,8 +94,9 @@ class ZmqDecoder(OscDecoder):
                 return self._counted(decode_message(parts, arrival))
             if len(parts) == 1 and parts[0][:1] in _MAPS:
                 return self._counted(decode_packed(parts[0], arrival))
-        except FormatError as error:
-            self._refuse("malformed", str(error), sender, packet)
+        except (ValueError, RecursionError) as error:
+            kind = "" if parts[0].startswith(b"frame/") else "msgpack: "
+            self._refuse("malformed", f"{kind}{error}", sender, packet)
         else:
             self._refuse("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
         return ()

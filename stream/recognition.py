@@ -265,7 +265,6 @@ class Recognition:
         """The named class, or the word for the outcome: never empty, so that it can be shown directly."""
         return self.class_name or str(self.outcome)
 
-
     @property
     def followed(self) -> tuple[float, float, float]:
         """Phase, speed and amplitude of the motion whose progress is given, for programs that expect numbers; or 0s."""

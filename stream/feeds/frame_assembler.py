@@ -355,7 +355,6 @@ class FrameAssembler:
             body.ahead = body.time - body.opened
         return body.opened + (body.ahead or 0.0)
 
-
     def _known(self, came: Sequence[str]) -> Mapping[str, str]:
         """Give the joints that the library has, with its names."""
         return {name: target for name, target in self.preset.named(came).items() if target}

@@ -139,7 +139,6 @@ class Performers(Present[_Performer]):
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
 
-
     def _compare_with(self, index: WindowIndex, order: Sequence[str]) -> None:
         require_order(order, index.library)
         self._index, self._order = index, tuple(order)

@@ -118,10 +118,9 @@ class ProgressFollower:
         """Begin to follow another class, by replaying the last half second into a new filter."""
         self._class_name, self.progress, self._filter = class_name, None, None
         moments = self._table.classes.get(class_name) if class_name else None
-        if moments is None:
-            return
-        self._filter = _Filter(str(class_name), moments, self._table.whitening)
-        self._step_through(_REPLAYED + 1)
+        if moments:
+            self._filter = _Filter(str(class_name), moments, self._table.whitening)
+            self._step_through(_REPLAYED + 1)
 
     def _step_through(self, most: int) -> None:
         """Let the filter go on by the last points, by so many at most."""

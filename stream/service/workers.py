@@ -20,7 +20,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from multiprocessing import parent_process
 from multiprocessing.reduction import ForkingPickler
 from typing import Annotated, Any, NamedTuple
 
@@ -725,7 +724,7 @@ class Worker(Sink, IdleSource):
 
     def run(self) -> None:
         """Work until the gateway's process is gone."""
-        parent = parent_process()
+        parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
             self.service.step(_MAX_SLEEP)
 

@@ -134,7 +134,6 @@ class Keyring(AbstractContextManager["Keyring"]):
         """Name the owner of a public key, as ZeroMQ reports it with a message."""
         return self._names.get(key.encode(), key)
 
-
     def _admit_known_keys(self) -> None:
         if self._admits:
             return

@@ -82,7 +82,6 @@ class NumberedFrame(NamedTuple):
     announcement: Announcement | None
 
 
-
 def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
     """Decode one multipart message.
 

@@ -146,10 +146,9 @@ class Source:
     @property
     def counts(self) -> InputCounts:
         """Counts of all that came in; a copy."""
-        receiver, thrown_away = self.receiver, self._turns.thrown_away
-        lost = InputCounts(overrun=receiver.kernel_drops, broken=receiver.broken(), thrown_away=thrown_away)
-        unread = InputCounts(received=self._stale, stale=self._stale)
-        return self.decoder.counts + lost + unread + (self.commands.counts if self.commands else InputCounts())
+        unread = InputCounts(received=self._stale, stale=self._stale, thrown_away=self._turns.thrown_away)
+        counts = self.receiver.counts + self.decoder.counts + unread
+        return counts + self.commands.counts if self.commands else counts
 
     @property
     def notes(self) -> list[str]:

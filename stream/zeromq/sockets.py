@@ -13,6 +13,7 @@ from typing import NamedTuple
 import zmq
 
 from kinespace.stream.packet import KEYED, Networks, Sender
+from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq.keys import Keyring
 
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: twice a frame of 4096 joints in
@@ -173,13 +174,15 @@ class ZmqReceiver:
     ----------
     address, place
         The endpoint as bound or connected, its port resolved; and as recordings name it: `zmq`, a space, the endpoint.
+    counts
+        Counts of the connections that broke while the sender was still there: by a message above the size limit, by a
+        network that fails for a moment, or when a sender begins again within a second.
     sender
         The sender of the last message: host and port of the connection or, with keys, `key NAME` and the port. None
         where ZeroMQ does not say.
     """
 
-    #: ZeroMQ says neither which messages it dropped nor how long it kept one.
-    kernel_drops = 0
+    #: ZeroMQ does not say how long it kept a message.
     waited = 0.0
 
     def __init__(
@@ -191,9 +194,10 @@ class ZmqReceiver:
         self.socket.subscribe(topic)
         self._endpoint, self._keyring = endpoint, keyring
         self._events: zmq.Socket[bytes] = self.socket.get_monitor_socket(_WATCHED)
-        #: Connections that broke; and those that ended since the last count, and since the count before: a sender, or
-        #: ZeroMQ, may take that long to come back.
-        self._broken = self._gone = self._gone_before = 0
+        self.counts = InputCounts()
+        #: Connections that ended since the last count, and since the count before: a sender, or ZeroMQ, may take that
+        #: long to come back.
+        self._gone = self._gone_before = 0
         #: When they were counted, and when to look at the events again.
         self._counted, self._next = time.monotonic(), 0.0
         #: Whether the further parts of a message are to be dropped.
@@ -205,15 +209,6 @@ class ZmqReceiver:
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
-
-    def broken(self) -> int:
-        """Count the connections that broke while the sender was still there.
-
-        By a message above the size limit, by a network that fails for a moment, or when a sender begins again within a
-        second.
-        """
-        self._look()
-        return self._broken
 
     def receive(self) -> list[bytes] | None:
         """Take the next message; None when no message waits.
@@ -254,7 +249,7 @@ class ZmqReceiver:
                     self._senders.pop(connection, None)
         if not self._endpoint.bind and self._gone_before:
             # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
-            self._broken += 1
+            self.counts.broken += 1
             self._gone_before = 0
             with suppress(zmq.ZMQError):
                 self.socket.disconnect(self._endpoint.address)
@@ -266,7 +261,7 @@ class ZmqReceiver:
         elif not self._endpoint.bind:
             self._gone = self._gone_before = 0
         elif event == zmq.EVENT_ACCEPTED and self._gone + self._gone_before:
-            self._broken += 1
+            self.counts.broken += 1
             if self._gone_before:
                 self._gone_before -= 1
             else:

@@ -108,10 +108,9 @@ class ProgressFollower:
 
     def _extend(self, point: NDArray[np.float64], steps: int) -> None:
         """Keep the newest point; between two hops the body is assumed to move in a straight line."""
-        new = np.tile(point, (steps, 1))
-        if steps > 1 and len(self._points):
-            before = self._points[-1]
-            new = before + (point - before) * (np.arange(1, steps + 1)[:, None] / steps)
+        before = self._points[-1] if len(self._points) else point
+        new = before + (point - before) * (np.arange(1, steps + 1)[:, None] / steps)
+        new[-1] = point
         self._points = np.concatenate([self._points, new])[-_PAST - _REPLAYED :]
 
     def _begin(self, class_name: str | None) -> None:

@@ -5,6 +5,7 @@ from typing import Generic, Protocol, TypeVar
 
 from kinespace.stream.packet import remember
 from kinespace.stream.recognition import Event
+from kinespace.stream.status import PerformerCounts
 
 #: Seconds without a frame after which a motion has ended: its performer may have done anything meanwhile.
 MAX_PAUSE = 0.8
@@ -45,8 +46,8 @@ class Present(ABC, Generic[AnyFollowed]):
     def __init__(self, most: int, silence: float) -> None:
         self.most, self.silence = most, silence
         self._here: dict[str, AnyFollowed] = {}
-        #: Frames without room, and performers dropped.
-        self._no_room = self._dropped = 0
+        #: Counts of frames without room, of performers dropped, and the like.
+        self._counts = PerformerCounts()
         #: Of newcomers without room since when each has sent, and how many frames.
         self._waiting: dict[str, tuple[float, int]] = {}
         #: Ends of motions of performers who were dropped, and performers who were dropped, not given out yet.
@@ -123,7 +124,7 @@ class Present(ABC, Generic[AnyFollowed]):
     def _forget(self, name: str) -> None:
         """Forget a performer; the end of its motion is given out with the ends of silent performers."""
         if followed := self._here.pop(name, None):
-            self._dropped += 1
+            self._counts.dropped += 1
             self._retire(followed)
 
     def _retire(self, followed: AnyFollowed) -> None:

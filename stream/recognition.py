@@ -266,11 +266,6 @@ class Recognition:
         return self.class_name or str(self.outcome)
 
     @property
-    def progress_index(self) -> int:
-        """Index of the class whose progress is given; -1 where none is."""
-        return self.classes.index(self.progress.class_name) if self.progress else -1
-
-    @property
     def followed(self) -> tuple[float, float, float]:
         """Phase, speed and amplitude of the motion whose progress is given, for programs that expect numbers; or 0s."""
         progress = self.progress

@@ -1,9 +1,9 @@
 """The counters of a running service: counts, rates, hop times, and the last packets that were refused."""
 
 from dataclasses import dataclass, field, fields
+from typing import Self
 
 from kinespace.stream.packet import Packet, Sender, sender_name
-from kinespace.stream.recognizer.performers import PerformerCounts
 
 #: Seconds of a hop's 99th percentile beyond which answers are late.
 _LATE = 0.1
@@ -16,7 +16,18 @@ _MAX_EXCERPT = 24
 
 
 @dataclass(slots=True)
-class InputCounts:
+class Counts:
+    """Counts that are added up, or taken off each other, field by field; a field may hold counts, too."""
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
+
+    def __sub__(self, other: Self) -> Self:
+        return type(self)(*(getattr(self, each.name) - getattr(other, each.name) for each in fields(self)))
+
+
+@dataclass(slots=True)
+class InputCounts(Counts):
     """Counts of all that came in, before it is assigned to performers."""
 
     #: Datagrams or ZeroMQ messages.
@@ -38,9 +49,6 @@ class InputCounts:
     #: Frames that waited when the service could not keep up, dropped because others of the performer came.
     stale: int = 0
 
-    def __add__(self, other: "InputCounts") -> "InputCounts":
-        return InputCounts(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
-
 
 @dataclass(slots=True)
 class AdmissionCounts:
@@ -52,6 +60,38 @@ class AdmissionCounts:
     not_allowed: int = 0
     #: Frames whose time no other frame confirmed.
     odd_times: int = 0
+
+
+@dataclass(slots=True)
+class RecognizerCounts(Counts):
+    """Counts of a recogniser's frames, by their fate."""
+
+    #: Frames taken into the window.
+    frames: int = 0
+    #: Frames refused because they were not newer than the newest frame.
+    out_of_order: int = 0
+    #: How often the window was started again: after a gap, or when a sender began again.
+    restarts: int = 0
+    #: Windows answered.
+    hops: int = 0
+    #: Windows not answered, because frames had waited for too long and newer ones had come.
+    skipped: int = 0
+
+
+@dataclass(slots=True)
+class PerformerCounts(Counts):
+    """Counts of the frames of all performers, by their fate."""
+
+    #: Frames of a performer for whom there was no room.
+    no_room: int = 0
+    #: Frames with too few of the library's joints, or with another number of joints than were named.
+    other_joints: int = 0
+    #: Performers dropped after silence.
+    dropped: int = 0
+    #: Sums over all recognisers, of dropped performers too.
+    recognizers: RecognizerCounts = field(default_factory=RecognizerCounts)
+    #: Frames that came while the library was being restricted to the performer's joints.
+    opening: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -130,7 +130,7 @@ class FrameAssembler:
         #: The last time that each sender sent for all its performers.
         self._sender_times: dict[int, float] = {}
         #: The sender's names of the joints of its frames, with the library's.
-        self._needed = {name: target for name, target in preset.joint_map.items() if target}
+        self._needed: Mapping[str, str] = {name: target for name, target in preset.joint_map.items() if target}
         rules = [rule for rule in preset.messages if rule.means in (Means.JOINT, Means.FRAME)]
         self._says_who = any("performer" in rule.arguments or "{performer}" in rule.address for rule in rules)
         self._targets = preset.sent
@@ -321,8 +321,12 @@ class FrameAssembler:
             self.counts.late += len(opened)
             return
         self.counts.closed_by[str(by)] += 1
-        joints = self._coming_joints(body) if self.preset.closings.some else self._needed
-        targets = tuple(dict.fromkeys(joints.values())) if self.preset.closings.some else self._targets
+        joints, targets, named = self._needed, self._targets, self.preset.joints
+        if self.preset.closings.some:
+            # The joints that came in the last seconds.
+            came = [name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER]
+            joints = self._named(tuple(came[:_MAX_NAMES]))
+            targets = named = tuple(dict.fromkeys(joints.values()))
         places = self._placed_bones(body, opened) if self.preset.bones else self._placed(body, opened, joints)
         if not places:
             self.counts.incomplete += 1
@@ -338,7 +342,6 @@ class FrameAssembler:
             self.counts.absurd += 1
             return
         self.counts.frames += 1
-        named = targets if self.preset.closings.some else self.preset.joints
         if body.announced != named:
             body.announced = named
             self._out.append(Announcement(name, named))
@@ -351,11 +354,6 @@ class FrameAssembler:
         if body.time is not None:
             body.ahead = body.time - body.opened
         return body.opened + (body.ahead or 0.0)
-
-    def _coming_joints(self, body: _Body) -> Mapping[str, str]:
-        """Give the joints that came in the last seconds, with the library's names."""
-        came = tuple(name for name, (_, at) in body.seen.items() if body.opened - at <= FORGET_AFTER)[:_MAX_NAMES]
-        return self._named(came)
 
     def _known(self, came: Sequence[str]) -> Mapping[str, str]:
         """Give the joints that the library has, with its names."""

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
-from msgspec import Meta
 
-from kinespace.library.naming import Convention, Naming, convention_named, hdm05, spelling
+from kinespace.library.naming import Naming, convention_named, hdm05, spelling
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream.feeds.kinematics import Bone
@@ -29,10 +28,10 @@ _ROTATION = ("qx", "qy", "qz", "qw")
 _OURS = {name: place for place, name in enumerate(hdm05.SKELETON.joints)}
 _ROLES = ("joint", "performer", *_POSITION, *_ROTATION, "confidence", "time", "time_high", "name", "present", "skip")
 #: The role of an argument; a role that begins with = is a text that must be there.
-_Role = Annotated[str, Meta(pattern=f"^({'|'.join(_ROLES)}|=.*)$")]
+_Role = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(_ROLES)}|=.*)$")]
 #: A number above 0 that is neither infinite nor NaN.
-_Length = Annotated[float, Meta(ge=1e-9, le=1e9)]
-_Port = Annotated[int, Meta(ge=1, le=65535)]
+_Length = Annotated[float, msgspec.Meta(ge=1e-9, le=1e9)]
+_Port = Annotated[int, msgspec.Meta(ge=1, le=65535)]
 #: Characters of an address, as written and as sent; messages and placeholders of an address, at most: a stranger's
 #: preset must not take long to match what a stranger sends.
 MAX_ADDRESS, _MAX_MESSAGES, _MAX_PLACEHOLDERS = 256, 64, 6
@@ -97,7 +96,7 @@ class MessageRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         The message's meaning for the frame, if the file says it.
     """
 
-    address: Annotated[str, Meta(pattern="^/", max_length=MAX_ADDRESS)]
+    address: Annotated[str, msgspec.Meta(pattern="^/", max_length=MAX_ADDRESS)]
     arguments: tuple[_Role, ...] = ()
     each: tuple[_Role, ...] = ()
     given: Means | None = msgspec.field(name="means", default=None)
@@ -169,9 +168,9 @@ class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     by: frozenset[Closing] = msgspec.field(name="close", default=frozenset({Closing.REPEAT, Closing.TIMEOUT}))
-    timeout: Annotated[float, Meta(ge=0.001, le=10)] = 0.1
-    hold: Annotated[float, Meta(ge=0, le=10)] = 0.2
-    confidence: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
+    timeout: Annotated[float, msgspec.Meta(ge=0.001, le=10)] = 0.1
+    hold: Annotated[float, msgspec.Meta(ge=0, le=10)] = 0.2
+    confidence: Annotated[float, msgspec.Meta(ge=0, le=1e9)] = 0.0
     words: dict[str, float] = {}
     some: bool = False
 
@@ -183,7 +182,7 @@ class Closings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class AskedMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A message for a sender: in its arguments `{port}` is our port and `{joint}` each of the preset's joints."""
 
-    address: Annotated[str, Meta(pattern="^/")]
+    address: Annotated[str, msgspec.Meta(pattern="^/")]
     arguments: tuple[str | int | float, ...] = ()
 
 
@@ -205,9 +204,9 @@ class Asking(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     port: _Port
-    messages: Annotated[tuple[AskedMessage, ...], Meta(min_length=1)] = msgspec.field(name="message")
+    messages: Annotated[tuple[AskedMessage, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="message")
     farewell: tuple[AskedMessage, ...] = ()
-    every: Annotated[float, Meta(ge=0.1, le=3600)] = 2.0
+    every: Annotated[float, msgspec.Meta(ge=0.1, le=3600)] = 2.0
     while_silent: bool = False
 
 
@@ -254,13 +253,13 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     """
 
     port: _Port
-    messages: Annotated[tuple[MessageRule, ...], Meta(max_length=_MAX_MESSAGES)] = msgspec.field(name="message")
+    messages: Annotated[tuple[MessageRule, ...], msgspec.Meta(max_length=_MAX_MESSAGES)] = msgspec.field(name="message")
     joint_map: dict[str, str] = msgspec.field(name="joints")
     tables: tuple[str, ...] = ()
     product: Text = ""
     sender: Text = "nothing: this is your own preset"
-    rate: Annotated[float, Meta(ge=1, le=1000)] = 30.0
-    performer: Annotated[str, Meta(pattern=r"\S", max_length=32)] = ""
+    rate: Annotated[float, msgspec.Meta(ge=1, le=1000)] = 30.0
+    performer: Annotated[str, msgspec.Meta(pattern=r"\S", max_length=32)] = ""
     metres: tuple[_Length, _Length, _Length] = (1.0, 1.0, 1.0)
     turned: str = msgspec.field(name="axes", default="x y z")
     packing: str = "osc"
@@ -268,7 +267,7 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     seconds: _Length = 1.0
     closings: Closings = msgspec.field(name="frame", default=Closings())
     order: tuple[Text, ...] = ()
-    order_from: Annotated[int, Meta(ge=0, le=1000)] = 0
+    order_from: Annotated[int, msgspec.Meta(ge=0, le=1000)] = 0
     bones: dict[str, Bone] = {}
     guessed: bool = False
     asking: Asking | None = msgspec.field(name="ask", default=None)
@@ -345,16 +344,14 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         own = {spelling(name): target for name, target in self.joint_map.items()}
         found = {name: own[spelling(name)] for name in names if spelling(name) in own}
         others = [name for name in names if name not in found]
-        if convention := Naming().read(others).convention or self._table_of(others):
+        # Of few joints no convention is found: the first table that knows most of them.
+        tables = map(convention_named, self.tables)
+        table = max(tables, key=lambda each: each.known(each.spelled(others)), default=None)
+        if convention := Naming().read(others).convention or table:
             read = zip(others, convention.spelled(others), Naming(convention).read(others).joints, strict=True)
             known = {name: joint for name, spelled, joint in read if spelled in convention.targets}
             found |= {name: joint if joint in _OURS else "" for name, joint in known.items()}
         return dict(sorted(found.items(), key=lambda each: _OURS.get(each[1], -1)))
-
-    def _table_of(self, names: Sequence[str]) -> Convention | None:
-        """Of few joints, give the first table that knows most."""
-        tables = map(convention_named, self.tables)
-        return max(tables, key=lambda each: each.known(each.spelled(names)), default=None)
 
 
 class Preset(PresetFile, frozen=True, kw_only=True):

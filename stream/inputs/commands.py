@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from ipaddress import ip_network
 
 import zmq
@@ -71,15 +70,15 @@ class CommandReader:
 
     Attributes
     ----------
-    received, refused
-        Packets with commands, and packets whose commands nobody obeys.
+    counts
+        Counts of packets with commands; those whose commands nobody obeys are foreign.
     others
         Messages in the last packet that were no commands; at least one where it could not be read.
     """
 
     def __init__(self, networks: Networks = (), no_lessons: str = "") -> None:
         self._commanders, self._no_lessons = Commanders(networks), no_lessons
-        self.received = self.refused = self.others = 0
+        self.counts, self.others = InputCounts(), 0
 
     def read(self, packet: Packet, sender: Sender, now: float) -> Sequence[Asked] | None:
         """Read a packet's commands; None for a packet that holds none: hundreds of frames come each second."""
@@ -101,8 +100,8 @@ class CommandReader:
         teaches = not all(isinstance(each, commands.Reset) for each in given)
         refusal = self._commanders.refusal(sender, max(len(given), 1), now)
         refusal = refusal or (self._no_lessons if teaches else "") or mistake
-        self.received += 1
-        self.refused += bool(refusal)
+        self.counts.received += 1
+        self.counts.foreign += bool(refusal)
         return [Asked(None, refusal)] if refusal else [Asked(each) for each in given]
 
 
@@ -132,15 +131,11 @@ class RequestSource(IdleSource):
         self.pollable = endpoint.open(zmq.REP, networks, keyring)
         self.address = str(self.pollable.getsockopt_string(zmq.LAST_ENDPOINT))
         self._commanders, self._keyed = Commanders(commanding), keyring is not None
-        self._counts = InputCounts()
+        #: Counts of requests that nobody obeyed.
+        self.counts = InputCounts()
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address} (control)"
-
-    @property
-    def counts(self) -> InputCounts:
-        """Counts of requests that nobody obeyed; a copy."""
-        return replace(self._counts)
 
     def take(self, arrival: float) -> Sequence[Asked] | None:
         """Take in one request; None when none waits, or while one waits for its reply."""
@@ -157,7 +152,7 @@ class RequestSource(IdleSource):
         # Another process of this machine may have no address.
         peer = str(request.get("Peer-Address") or "127.0.0.1")
         if refusal := self._commanders.refusal((f"{KEYED}{peer}" if self._keyed else peer, 0), 1, now):
-            self._counts.foreign += 1
+            self.counts.foreign += 1
             return Asked(None, refusal, self._reply)
         try:
             return Asked(commands.decode_json(request.bytes), "", self._reply)
@@ -169,7 +164,7 @@ class RequestSource(IdleSource):
         try:
             self.pollable.send(json.dumps(reply).encode(), zmq.NOBLOCK)
         except zmq.ZMQError:
-            self._counts.broken += 1
+            self.counts.broken += 1
 
     def tend(self, now: float) -> Sequence[Admitted]:  # noqa: ARG002 - as in a source
         """Do nothing: no work is due by the clock."""

@@ -16,7 +16,7 @@ from kinespace.stream.osc.messages import decode as decode_datagram
 from kinespace.stream.osc.packet import PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq.messages import FormatError, NumberedFrame, SequenceGaps, decode_packed
+from kinespace.stream.zeromq.messages import NumberedFrame, SequenceGaps, decode_packed
 from kinespace.stream.zeromq.messages import decode as decode_message
 
 #: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
@@ -62,14 +62,14 @@ class OscDecoder:
         Its frames and announcements in order, and frames that it completed.
         """
         self.counts.received += 1
-        received = decode_datagram(packet if isinstance(packet, bytes) else datagram_of(packet), arrival)
-        if received.malformed:
-            self.counts.malformed += received.malformed
-            self.refusals.note("malformed", received.why_malformed, sender, packet)
-        if received.foreign:
-            self.counts.foreign += received.foreign
-            self.refusals.note("foreign", received.why_foreign, sender, packet)
-        return received.events
+        events, refused = decode_datagram(packet if isinstance(packet, bytes) else datagram_of(packet), arrival)
+        for kind, reason in refused:
+            self._refuse(kind, reason, sender, packet)
+        return events
+
+    def _refuse(self, kind: str, reason: str, sender: Sender, packet: Packet) -> None:
+        setattr(self.counts, kind, getattr(self.counts, kind) + 1)
+        self.refusals.note(kind, reason, sender, packet)
 
     def expire(self, now: float) -> Sequence[Input]:  # noqa: ARG002 - nothing stays open
         """Give nothing: each message is a whole frame."""
@@ -94,12 +94,11 @@ class ZmqDecoder(OscDecoder):
                 return self._counted(decode_message(parts, arrival))
             if len(parts) == 1 and parts[0][:1] in _MAPS:
                 return self._counted(decode_packed(parts[0], arrival))
-        except FormatError as error:
-            self.counts.malformed += 1
-            self.refusals.note("malformed", str(error), sender, packet)
+        except (ValueError, RecursionError) as error:
+            kind = "" if parts[0].startswith(b"frame/") else "msgpack: "
+            self._refuse("malformed", f"{kind}{error}", sender, packet)
         else:
-            self.counts.foreign += 1
-            self.refusals.note("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
+            self._refuse("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
         return ()
 
     def _counted(self, numbered: NumberedFrame) -> Sequence[Input]:
@@ -157,10 +156,9 @@ class FeedDecoder:
             return ()
         host, port = sender or ("", 0)
         number = self._senders.number(host, arrival, port, messages[0].address if messages else "")
-        counts = self.assembler.counts
-        malformed = counts.malformed
+        self.assembler.why_malformed = ""
         made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
-        if counts.malformed > malformed:
+        if self.assembler.why_malformed:
             self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
         return made
 

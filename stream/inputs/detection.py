@@ -276,16 +276,12 @@ def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
 
 
 def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where no joint is known."""
-    ours = hdm05.SKELETON.joints
-    kept = [place for place, name in enumerate(ours) if name in joints]
-    if len(kept) < MIN_JOINTS:
+    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where few joints are known."""
+    if len({*joints}.intersection(hdm05.SKELETON.joints)) < MIN_JOINTS:
         return np.empty(0)
-    skeleton = hdm05.SKELETON.restricted_to(kept)
-    there = positions[[joints.index(name) for name in skeleton.joints]].astype(np.float64)
-    children = [child for child, parent in enumerate(skeleton.parents) if parent >= 0]
-    parents = [skeleton.parents[child] for child in children]
-    lengths: NDArray[np.float64] = np.linalg.norm(there[children] - there[parents], axis=1)
+    parents = np.array(hdm05.SKELETON.linked(joints).parents)
+    children = np.flatnonzero(parents >= 0)
+    lengths: NDArray[np.float64] = np.linalg.norm(positions[children] - positions[parents[children]], axis=1)
     return lengths
 
 

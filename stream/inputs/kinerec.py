@@ -228,8 +228,6 @@ class RawWriter:
             self._sync()
         except OSError as error:
             self.trouble = error.strerror or str(error)
-        else:
-            self.trouble = ""
 
     def _sync(self) -> None:
         """Write the waiting packets; after a failure the file holds the first ones whole, and the others wait again."""
@@ -254,7 +252,7 @@ class RawWriter:
             self._file.seek(self._whole)
             self._file.truncate()
             raise
-        self._whole += size
+        self._whole, self.trouble = self._whole + size, ""
 
 
 def source_name(place: str, preset: Preset | None) -> str:

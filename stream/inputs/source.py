@@ -10,7 +10,6 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import zmq
@@ -97,8 +96,6 @@ class Source:
         The socket.
     tended_within
         Seconds within which `tend` has work to do even when no packet comes; inf if it never has.
-    has_put_aside
-        Whether packets were put aside; the socket does not wake the loop for them.
     commands
         Reads the commands among the packets; None where nobody listens to them.
     unread
@@ -125,7 +122,7 @@ class Source:
         self._made = -math.inf
         self._admission = admission
         self.waited = self.lag = 0.0
-        self._turns, self.has_put_aside = Turns(), False
+        self._turns = Turns()
         self._last_was_aside, self.patience = False, math.inf
         self._stale = 0
         #: The time of the last frame that was not dropped, by its sender and its beginning.
@@ -142,17 +139,16 @@ class Source:
         return str(self.receiver)
 
     @property
+    def has_put_aside(self) -> bool:
+        """Whether packets were put aside; the socket does not wake the loop for them."""
+        return bool(self._turns.aside)
+
+    @property
     def counts(self) -> InputCounts:
         """Counts of all that came in; a copy."""
-        receiver = self.receiver
-        lost = {"overrun": receiver.kernel_drops, "broken": receiver.broken(), "thrown_away": self._turns.thrown_away}
-        counts = replace(self.decoder.counts, **lost)
-        counts.received += self._stale
-        counts.stale += self._stale
-        if self.commands:
-            counts.received += self.commands.received
-            counts.foreign += self.commands.refused
-        return counts
+        unread = InputCounts(received=self._stale, stale=self._stale, thrown_away=self._turns.thrown_away)
+        counts = self.receiver.counts + self.decoder.counts + unread
+        return counts + self.commands.counts if self.commands else counts
 
     @property
     def notes(self) -> list[str]:
@@ -212,13 +208,10 @@ class Source:
                 self._last_was_aside = False
                 return taken
             turns.put_aside(taken)
-            self.has_put_aside = True
-        if not turns.aside or self._last_was_aside:
-            self._last_was_aside = False
+        self._last_was_aside = bool(turns.aside) and not self._last_was_aside
+        if not self._last_was_aside:
             return None
-        self._last_was_aside = True
         taken = turns.take()
-        self.has_put_aside = bool(turns.aside)
         return taken._replace(waited=now - taken.arrival)
 
     def _is_to_spare(self, packet: Packet, arrival: float, sender: Sender) -> bool:

@@ -26,8 +26,8 @@ belong to the guess. No number is larger than a float, because Pure Data and man
 import struct
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -52,26 +52,20 @@ _SWAPPED = sys.byteorder == "little"
 _MAX_BEGINNINGS = 1024
 
 
-@dataclass(slots=True)
-class Received:
-    """The content of one datagram. It is not frozen, because one is made for every frame and freezing takes time.
+class Received(NamedTuple):
+    """The content of one datagram.
 
     Attributes
     ----------
     events
         Frames and announcements, in order.
-    malformed
-        Messages with our addresses that cannot be read, and packets that are no OSC.
-    foreign
-        Messages with addresses that are not ours.
+    refused
+        For each message that was refused the kind of refusal and the reason: `malformed`, a message with one of our
+        addresses that cannot be read, or a packet that is no OSC; `foreign`, a message with another address.
     """
 
     events: list[Input]
-    malformed: int = 0
-    foreign: int = 0
-    #: The reason why the last malformed message is malformed, and the last foreign message.
-    why_malformed: str = field(default="", compare=False)
-    why_foreign: str = field(default="", compare=False)
+    refused: Sequence[tuple[str, str]] = ()
 
 
 def decode(datagram: bytes, arrival: float) -> Received:
@@ -94,26 +88,24 @@ def decode(datagram: bytes, arrival: float) -> Received:
         plain = [_decode_plain_frame(part, arrival) for part in parts]
         messages = iter(packet.decode_messages(part for part, frame in zip(parts, plain, strict=True) if frame is None))
     except packet.PacketError as error:
-        return Received([], malformed=1, why_malformed=str(error))
-    received = Received([])
+        return Received([], [("malformed", str(error))])
+    events, refused = list[Input](), list[tuple[str, str]]()
     for frame in plain:
         if frame is not None:
-            received.events.append(frame)
+            events.append(frame)
             continue
         message = next(messages)
         try:
             event = _understood(message, arrival)
         except (TypeError, ValueError, OverflowError) as error:
-            received.malformed += 1
             who = f" of {message.arguments[0]}" if message.arguments and isinstance(message.arguments[0], str) else ""
-            received.why_malformed = f"{message.address}{who}: {error}"
+            refused.append(("malformed", f"{message.address}{who}: {error}"))
         else:
             if event is None:
-                received.foreign += 1
-                received.why_foreign = message.address
+                refused.append(("foreign", message.address))
             else:
-                received.events.append(event)
-    return received
+                events.append(event)
+    return Received(events, refused)
 
 
 @lru_cache(maxsize=_MAX_BEGINNINGS)
@@ -263,18 +255,14 @@ def encode_progress(recognition: Recognition) -> bytes:
         return b""
     head = _answer_heads(recognition.performer, len(recognition.scores))[-1]
     numbers = (progress.phase, progress.speed, progress.amplitude, progress.sure, progress.scrub)
-    return head + _PROGRESS.pack(recognition.progress_index, *numbers, progress.cycles)
+    return head + _PROGRESS.pack(recognition.classes.index(progress.class_name), *numbers, progress.cycles)
 
 
 def encode_gone(performer: str) -> bytes:
     """Encode that a performer has left: an answer without a class, without scores."""
     start = f"/motion/{address_part(performer)}"
-    return packet.encode_bundle(
-        packet.encode_message(f"{start}/class", -1, 0.0, 0.0),
-        packet.encode_message(f"{start}/guess", -1),
-        packet.encode_message(f"{start}/sofar", -1),
-        packet.encode_message(f"{start}/label", GONE),
-    )
+    nothing: dict[str, list[str | float]] = {"class": [-1, 0.0, 0.0], "guess": [-1], "sofar": [-1], "label": [GONE]}
+    return packet.encode_bundle(*(packet.encode_message(f"{start}/{last}", *said) for last, said in nothing.items()))
 
 
 def encode_event(event: Event, since: float = 0.0) -> bytes:

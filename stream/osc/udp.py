@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 from kinespace.stream.packet import Networks, is_within
+from kinespace.stream.status import InputCounts
 
 #: Bytes of waiting datagrams that the system keeps; the usual default holds 0.2 s of a busy feed.
 RECEIVE_BUFFER = 4 << 20
@@ -83,8 +84,9 @@ class OscReceiver:
     ----------
     address, place
         Host and port it listens on; and as recordings name them: `osc`, a space, host and port.
-    kernel_drops
-        Datagrams that the system dropped because they came faster than they were received (known on Linux only).
+    counts
+        Counts of the datagrams that the system dropped because they came faster than they were received (known on Linux
+        only).
     waited
         Seconds for which the last datagram waited in the system (known on Linux only).
     sender
@@ -113,16 +115,12 @@ class OscReceiver:
             raise OSError(error.errno, f"{host}:{port}: {error.strerror}") from error
         self.address: tuple[str, int] = self.socket.getsockname()[:2]
         self.place = "osc {}:{}".format(*self.address)
-        self.kernel_drops = 0
+        self.counts = InputCounts()
         self.waited = 0.0
         self.sender: tuple[str, int] | None = None
 
     def __str__(self) -> str:
         return "OSC {}:{}".format(*self.address)
-
-    def broken(self) -> int:
-        """Give 0: UDP has no connections."""
-        return 0
 
     def receive(self) -> bytes | None:
         """Take the next datagram; None when there is none now."""
@@ -138,7 +136,7 @@ class OscReceiver:
             return b""  # Windows reports here that an earlier answer reached no program: counted as a bad packet.
         for _, kind, value in ancillary:
             if kind == _SO_RXQ_OVFL:
-                self.kernel_drops = int.from_bytes(value[:4], sys.byteorder)
+                self.counts.overrun = int.from_bytes(value[:4], sys.byteorder)
             elif kind == _SO_TIMESTAMPNS:
                 seconds, nanoseconds = _TIMESPEC.unpack(value)
                 waited = time.time() - seconds - nanoseconds * 1e-9

@@ -28,8 +28,7 @@ from pythonosc.osc_message_builder import BuildError
 from kinespace.library.naming.checked_toml import Text, read_toml, text_of
 from kinespace.library.naming.hdm05 import title_of
 from kinespace.stream.inputs.admission import Admission
-from kinespace.stream.osc import OscReceiver, OscSender, address_part
-from kinespace.stream.osc import messages as answers
+from kinespace.stream.osc import OscReceiver, OscSender, address_part, messages
 from kinespace.stream.osc.packet import encode_bundle, encode_message
 from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.packet import remember
@@ -77,28 +76,28 @@ class NativeLayout(Layout):
         # After a sender's clock has begun again, its times count from its new beginning: none is below 0.
         if recognition.time < self._since.get(recognition.performer, math.inf):
             remember(self._since, recognition.performer, recognition.time, _MAX_PERFORMERS)
-        return answers.encode_recognition(recognition)
+        return messages.encode_recognition(recognition)
 
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/event s s i f f`, the time in seconds since the performer's first answer."""
-        return answers.encode_event(event, self._since.get(event.performer, event.time))
+        return messages.encode_event(event, self._since.get(event.performer, event.time))
 
     def done(self, done: Done) -> bytes | None:
         """`/motion/<performer>/done s i i f f f f f`, the start in seconds since the performer's first answer."""
-        return answers.encode_done(done, self._since.get(done.performer, done.start))
+        return messages.encode_done(done, self._since.get(done.performer, done.start))
 
     def gone(self, gone: Gone) -> bytes:
         """Class -1, guess -1 and label "gone"."""
         self._since.pop(gone.performer, None)
-        return answers.encode_gone(gone.performer)
+        return messages.encode_gone(gone.performer)
 
     def classes(self, classes: Classes) -> bytes:
         """`/motion/classes s*K`."""
-        return answers.encode_classes(classes.names)
+        return messages.encode_classes(classes.names)
 
     def status(self, status: Status) -> bytes | None:
         """`/motion/status i f i i`."""
-        return answers.encode_status(status)
+        return messages.encode_status(status)
 
     def state(self, notice: commands.Notice) -> bytes:
         """`/motion/teach/state s s f s` and `/motion/teach/taught s i f s i i f`."""
@@ -123,34 +122,34 @@ class TouchDesignerLayout(Layout):
         """
         changed = self._last.get(recognition.performer, -1) != recognition.class_index
         remember(self._last, recognition.performer, recognition.class_index, _MAX_PERFORMERS)
-        start = f"/motion/{answers.address_part(recognition.performer)}"
+        start = f"/motion/{address_part(recognition.performer)}"
         named = encode_message(
             f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
         )
-        followed = (answers.encode_progress(recognition),) if recognition.progress else ()
+        followed = (messages.encode_progress(recognition),) if recognition.progress else ()
         whole = encode_bundle(named, *followed, encode_message(f"{start}/scores", *map(float, recognition.scores)))
-        return whole if len(whole) <= answers.MAX_ANSWER else encode_bundle(named, *followed)
+        return whole if len(whole) <= messages.MAX_ANSWER else encode_bundle(named, *followed)
 
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/going i index`, -1 when a motion ended."""
         index = event.index if event.kind is EventKind.START else -1
-        return encode_message(f"/motion/{answers.address_part(event.performer)}/going", index)
+        return encode_message(f"/motion/{address_part(event.performer)}/going", index)
 
     def done(self, done: Done) -> bytes | None:
         """`/motion/<performer>/done i index i count f duration f score f speed f amplitude`."""
         numbers = done.index, done.count, done.duration, done.score, done.speed, done.amplitude
-        return encode_message(f"/motion/{answers.address_part(done.performer)}/done", *numbers)
+        return encode_message(f"/motion/{address_part(done.performer)}/done", *numbers)
 
     def gone(self, gone: Gone) -> bytes:
         """Class -1, and -1 going on."""
         changed = self._last.pop(gone.performer, -1) != -1
-        start = f"/motion/{answers.address_part(gone.performer)}"
+        start = f"/motion/{address_part(gone.performer)}"
         none = encode_message(f"{start}/class", -1, 0.0, 0.0, int(changed))
         return encode_bundle(none, encode_message(f"{start}/going", -1))
 
     def status(self, status: Status) -> bytes:
         """`/motion/status i f i i`."""
-        return answers.encode_status(status)
+        return messages.encode_status(status)
 
 
 class WekinatorLayout(Layout):
@@ -417,9 +416,8 @@ class WrittenLayout(Layout):
     def recognition(self, recognition: Recognition) -> bytes | None:
         """Encode the messages of an answer."""
         named = _class_facts(recognition.performer, recognition.label, recognition.class_index, recognition.score)
-        further = dict(
-            zip(("margin", "phase", "speed", "amplitude"), (recognition.margin, *recognition.followed), strict=True)
-        )
+        phase, speed, amplitude = recognition.followed
+        further = {"margin": recognition.margin, "phase": phase, "speed": speed, "amplitude": amplitude}
         return self._encoded("answer", {**named, **further})
 
     def event(self, event: Event | Done) -> bytes | None:

@@ -2,5 +2,5 @@
 
 from kinespace.stream.recognizer.classifier import MotionClassifier, recognise
 from kinespace.stream.recognizer.performers import Performers, SentJoints
-from kinespace.stream.recognizer.recognizer import Recognizer, RecognizerCounts
+from kinespace.stream.recognizer.recognizer import Recognizer
 from kinespace.stream.recognizer.settings import LiveSignature, Settings

@@ -51,9 +51,7 @@ def carried_by(
         return None
     ends = pairs if order is None else order[pairs]
     shares = np.bincount(ends[:, 0], given, joints) + np.bincount(ends[:, 1], given, joints)
-    most = min(MAX_PAIRS, len(given))
-    foremost = np.argpartition(given, -most)[-most:]
-    foremost = foremost[np.argsort(-given[foremost])]
+    foremost = np.argsort(-given)[:MAX_PAIRS]
     return Carried(
         tuple((shares / (2 * total)).round(_DIGITS).tolist()),
         tuple((first, second) for first, second in ends[foremost].tolist()),

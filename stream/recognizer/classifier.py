@@ -86,9 +86,8 @@ class MotionClassifier:
         """
         clips, names = self._clips(X), np.asarray([*y])
         people = [each.actor for each in clips] if groups is None else [str(each) for each in groups]
-        for name, given in (("y", names), ("groups", people)):
+        for name, what, given in (("y", "class", names), ("groups", "person", people)):
             if len(given) != len(clips):
-                what = "class" if name == "y" else "person"
                 raise ValueError(f"{name}: expected a {what} for each of {len(clips)} clips, got {len(given)}")
         named = (
             Clip(each.skeleton, each.positions, each.frame_rate, each.name, str(name), person, gaps=each.gaps)

@@ -173,7 +173,7 @@ class Decision:
         self.events.clear()
         self._judged, self._decided_at = NOT_JUDGED, math.nan
         self.evident: tuple[str, float] | None = None
-        self._sums, self._summed_at = np.zeros(len(self.classes)), math.nan
+        self._sums = np.zeros(len(self.classes))
 
     def _answer_with(self, index: WindowIndex, settings: Settings, order: Sequence[str]) -> None:
         """Answer with the classes of an index, in an order."""
@@ -186,8 +186,8 @@ class Decision:
         # The index of each class among the index's, one behind the last for a class without windows.
         self._named = np.array([classes.index(name) if name in classes else len(classes) for name in self.classes])
         self._all_named = self.classes == classes
-        #: The average of the last seconds' log distances, by movement, and when it was formed.
-        self._sums, self._summed_at = np.zeros(len(self.classes)), math.nan
+        #: The average of the last seconds' log distances, by movement.
+        self._sums = np.zeros(len(self.classes))
 
     def exchange(self, index: WindowIndex, settings: Settings, order: Sequence[str], time: float) -> Event | None:
         """Go on with another library; give the end of the motion that goes on, at a time, if its class is gone."""
@@ -244,7 +244,7 @@ class Decision:
             scores=np.divide(1.0, scores, out=scores),
             # A window nearest to `nothing` is unknown; its best guess is the nearest class.
             guess=self.classes.index(guess) if guess in self.classes else int(distances.argmin()),
-            so_far=self._so_far(distances, signature.movement, frame.time),
+            so_far=self._so_far(distances, signature.movement, elapsed),
             movement=signature.movement,
             lead=lead,
             eigenvector_class=classes[best] if classes[best] in self.classes else None,
@@ -274,13 +274,11 @@ class Decision:
             guess = self._guess.current = leader
         return guess, ahead if guess == leader else nearest - listed[classes.index(guess)]
 
-    def _so_far(self, distances: NDArray[np.float64], movement: float, time: float) -> int:
+    def _so_far(self, distances: NDArray[np.float64], movement: float, elapsed: float) -> int:
         """Give the class that the last seconds are nearest to: an average of log distances, (classes,), by movement.
 
         A motion's end, the return to rest, moves little and weighs little, so that no beginning need be found.
         """
-        elapsed = _FIRST_HOP if math.isnan(self._summed_at) else time - self._summed_at
-        self._summed_at = time
         weighed = movement * elapsed * np.minimum(distances, _FARTHEST)
         self._sums = math.exp(-elapsed / _SO_FAR) * self._sums + weighed
         return int(self._sums.argmin())
@@ -298,8 +296,6 @@ class Events:
     ----------
     lead
         Lead that a class needs before a start event. More is later and surer.
-    going_on
-        The start of a motion that goes on already.
 
     Attributes
     ----------
@@ -307,9 +303,9 @@ class Events:
         The start of the motion that goes on; None when no motion goes on.
     """
 
-    def __init__(self, lead: float, going_on: Event | None = None) -> None:
-        self._event, self.going_on = Hysteresis(lead), going_on
-        self._event.current = going_on.label if going_on else None
+    def __init__(self, lead: float) -> None:
+        self._event = Hysteresis(lead)
+        self.going_on: Event | None = None
         self._event_at, self._seen_until = math.nan, -math.inf
         self._near, self._near_until = "", -math.inf
 
@@ -361,12 +357,12 @@ class Events:
     def _starts(self, recognition: Recognition, index: int, score: float | None = None) -> tuple[Event, ...]:
         """End the motion that goes on, and start another, with a score of its own; -1 starts none."""
         self._event.current = recognition.classes[index] if index >= 0 else _NONE
-        ended = [_event(EventKind.END, recognition, self.going_on.index)] if self.going_on else []
+        events = [_event(EventKind.END, recognition, self.going_on.index)] if self.going_on else []
         self.going_on = None
         if index >= 0:
-            started = _event(EventKind.START, recognition, index)
-            self.going_on = started if score is None else replace(started, score=score)
-        return (*ended, *([self.going_on] if self.going_on else []))
+            self.going_on = _event(EventKind.START, recognition, index, score)
+            events.append(self.going_on)
+        return tuple(events)
 
     def ends(self, recognition: Recognition) -> tuple[Event, ...]:
         """End a motion that goes on where the recognition says that it has ended before."""
@@ -381,12 +377,6 @@ class Events:
         return replace(begun, kind=EventKind.END, time=time) if begun else None
 
 
-def _event(kind: EventKind, recognition: Recognition, index: int) -> Event:
-    return Event(
-        performer=recognition.performer,
-        kind=kind,
-        label=recognition.classes[index],
-        index=index,
-        score=float(recognition.scores[index]),
-        time=recognition.time,
-    )
+def _event(kind: EventKind, recognition: Recognition, index: int, score: float | None = None) -> Event:
+    score = float(recognition.scores[index]) if score is None else score
+    return Event(recognition.performer, kind, recognition.classes[index], index, score, recognition.time)

@@ -43,8 +43,6 @@ _WAITS = 3
 _NEAR = 1.5
 #: Tolerance, as a share of a step, because times are rounded.
 _ROUNDING = 1e-3
-#: The memory is moved back each time so many windows' points have come.
-_ROOM = 4
 
 
 class Found(NamedTuple):
@@ -181,18 +179,10 @@ class DoneFollower:
     """
 
     def __init__(self, courses: Courses, skeleton: Skeleton, false_alarms: float) -> None:
-        self._skeleton, self._share = skeleton, share_at(false_alarms)
-        self.exchange(courses)
-
-    def exchange(self, courses: Courses) -> None:
-        """Find the motions of another library from now on."""
-        self._courses = courses
+        self._skeleton, self._courses = skeleton, courses
         self._longest = courses.counts[-1] + 1 if courses.counts else 0
-        width = courses.pieces.ways.shape[1] + AXES
-        self._points = np.zeros((_ROOM * self._longest, width), dtype=np.float32)
-        self._ways = np.zeros(_ROOM * self._longest)
         self._counts = np.array(courses.counts, dtype=np.intp)
-        self._limits = _limits_of(courses, self._share)
+        self._limits = _limits_of(courses, share_at(false_alarms))
         self._persons = dict(zip(courses.classes, courses.persons.tolist(), strict=True))
         learned = zip(self._persons.items(), courses.by_people.tolist(), strict=True)
         self._most_growth = {name: _MOST_GROWTH[2 if by else min(count, 2) - 1] for (name, count), by in learned}
@@ -205,8 +195,10 @@ class DoneFollower:
 
     def clear(self) -> None:
         """Forget the body's past."""
-        self._count, self.time, self._over = 0, math.nan, -math.inf
-        self._ways[:1] = 0.0
+        self.time, self._over = math.nan, -math.inf
+        #: The last points of the path, and the way up to each.
+        self._points = np.zeros((0, self._courses.pieces.ways.shape[1] + AXES), dtype=np.float32)
+        self._ways = np.zeros(0)
         self._times: list[NDArray[np.float64]] = []
         self._positions: list[NDArray[np.float64]] = []
         self._body, self._size = np.zeros((0, len(self._skeleton.joints), 3)), 1.0
@@ -273,20 +265,16 @@ class DoneFollower:
 
     def _extend(self, points: NDArray[np.float64]) -> None:
         """Keep some more points, and the way up to each."""
-        points = points[-self._longest :]
-        if self._count + len(points) > len(self._points):
-            for kept in (self._points, self._ways):
-                kept[: self._longest] = kept[self._count - self._longest : self._count]
-            self._count = self._longest
-        before, self._count = max(self._count - 1, 0), self._count + len(points)
-        self._points[self._count - len(points) : self._count] = points
-        ways = ways_of(self._points[before : self._count])
-        ways += self._ways[before]
-        self._ways[before : self._count] = ways
+        last, new = self._points[-1:], points[-self._longest :].astype(np.float32)
+        ways = ways_of(np.concatenate([last, new]))
+        ways += self._ways[-1] if len(self._ways) else 0.0
+        self._points = np.concatenate([self._points, new])[-self._longest :]
+        self._ways = np.concatenate([self._ways[:-1], ways])[-self._longest :]
 
     def _asked(self) -> Asked:
         """Give the windows that end now."""
-        last, ways = self._count - 1, self._ways[: self._count]
+        ways = self._ways
+        last = len(ways) - 1
         counts = self._counts[self._counts <= last]
         gone = (ways[last] - ways[last - counts]) / self._size
         kept = np.flatnonzero((gone > max(self._least, 0.0)) & (gone < self._most))
@@ -294,7 +282,7 @@ class DoneFollower:
         points = np.zeros((0, POINTS, self._points.shape[1]), dtype=np.float32)
         if len(counts):
             ends = np.full(len(counts), ways[last])
-            points = at_equal_way(self._points[: self._count], ways, ways[last - counts], ends)
+            points = at_equal_way(self._points, ways, ways[last - counts], ends)
         # A window must lie behind the motion before.
         free, growth = self.time - counts * STEP >= self._over - _ROUNDING, self._growth()
         limits = self._limits[kept] * growth[self._of_piece]
@@ -302,7 +290,7 @@ class DoneFollower:
 
     def look(self, asked: Asked, costs: NDArray[np.float32]) -> Look:
         """Say what the windows that were asked for show by their costs (`costs_of`)."""
-        motions, begins = len(self._courses.seconds), self._count - 1 - asked.counts
+        motions, begins = len(self._courses.seconds), len(self._ways) - 1 - asked.counts
         costs[asked.counts * STEP < _SHORTEST, :motions] = np.inf
         return self._sees(
             self._nearest(costs[:, :motions], begins, asked.growth, whole=True),
@@ -317,11 +305,11 @@ class DoneFollower:
         if not costs.size or not (least := float(costs.min())) < _NEAR:
             return None
         window, motion = divmod(int(costs.argmin()), costs.shape[1])
-        ways, begin = self._ways[: self._count], int(begins[window])
+        ways, begin = self._ways, int(begins[window])
         gone = float(ways[-1] - ways[begin])
         moves = ways[begin] + gone * np.array([_STILL_WAY, 1 - _STILL_WAY])
         first, last = np.searchsorted(ways[begin:], moves).tolist()
-        start, end = (self.time - (self._count - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
+        start, end = (self.time - (len(ways) - 1 - begin - place) * STEP for place in (max(first - 1, 0), last))
         place = self._of_piece.item(motion)
         lengths = (courses.whole if whole else courses.begun).lengths
         seconds, amplitude = float(courses.seconds[motion]), float(gone / self._size / lengths[motion])

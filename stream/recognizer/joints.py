@@ -114,8 +114,7 @@ class Plausibility:
 
     def begin(self, positions: NDArray[np.float64]) -> None:
         """Take the size of the body from its first frame (joints, 3)."""
-        if len(self._body.children):
-            self._measure_size(self._body.lengths(positions[None])[0])
+        self._measure_size(self._body.lengths(positions[None])[0])
 
     def _measure_size(self, lengths: NDArray[np.float64]) -> None:
         measured = lengths > 0

@@ -7,24 +7,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Skeleton, WindowIndex, by_joints
-from kinespace.library.motion_library import MIN_JOINTS, MotionLibrary
+from kinespace.library import MotionLibrary, Skeleton, WindowIndex, by_joints
+from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, conventions, hdm05, unknown_names
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.packet import remember
 from kinespace.stream.present import MAX_REMEMBERED, STEADY_FRAMES, STEADY_SECONDS, Present
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer.carried import Carried, carried_by
-from kinespace.stream.recognizer.recognizer import (
-    Due,
-    Recognizer,
-    RecognizerCounts,
-    Views,
-    answers_to,
-    refuse_copies,
-    require_order,
-)
-from kinespace.stream.recognizer.settings import Settings, index_for, usual_sensitivity
+from kinespace.stream.recognizer.recognizer import Due, Recognizer, Views, answers_to, refuse_copies, require_order
+from kinespace.stream.recognizer.settings import Settings, index_for, sensitivity_for
+from kinespace.stream.status import PerformerCounts, RecognizerCounts
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,22 +43,6 @@ _MAX_SETS = 3
 _TOGETHER = 8
 #: Performers at once that may be asked for.
 MAX_PERFORMERS = 10_000
-
-
-@dataclass(slots=True)
-class PerformerCounts:
-    """Counts of the frames of all performers, by their fate."""
-
-    #: Frames of a performer for whom there was no room.
-    no_room: int = 0
-    #: Frames with too few of the library's joints, or with another number of joints than were named.
-    other_joints: int = 0
-    #: Performers dropped after silence.
-    dropped: int = 0
-    #: Sums over all recognisers, of dropped performers too.
-    recognizers: RecognizerCounts = field(default_factory=RecognizerCounts)
-    #: Frames that came while the library was being restricted to the performer's joints.
-    opening: int = 0
 
 
 @dataclass(slots=True)
@@ -161,9 +138,6 @@ class Performers(Present[_Performer]):
         self._sets: set[tuple[str, ...]] = set()
         #: Why frames are refused for their joints, by performer.
         self._refused: dict[str, str] = {}
-        self._other_joints = self._opening = 0
-        #: Counts of recognisers that are no longer needed.
-        self._past = RecognizerCounts()
 
     def _compare_with(self, index: WindowIndex, order: Sequence[str]) -> None:
         require_order(order, index.library)
@@ -210,8 +184,7 @@ class Performers(Present[_Performer]):
     @property
     def sensitivity(self) -> float:
         """The sensitivity of all recognisers."""
-        given = self.settings.sensitivity
-        return usual_sensitivity(self.library) if given is None else given
+        return sensitivity_for(self.library, self.settings)
 
     @property
     def promise(self) -> tuple[float, float | None]:
@@ -234,16 +207,11 @@ class Performers(Present[_Performer]):
         if ended := performer.recognizer.exchange(index, self._order):
             self._ended.append(ended)
 
-    def __len__(self) -> int:
-        return len(self._here)
-
     @property
     def counts(self) -> PerformerCounts:
-        """Counts of all frames so far, by their fate; a copy."""
-        total = replace(self._past)
-        for performer in self._here.values():
-            total.add(performer.recognizer.counts)
-        return PerformerCounts(self._no_room, self._other_joints, self._dropped, total, self._opening)
+        """Counts of all frames so far, by their fate."""
+        here = sum((each.recognizer.counts for each in self._here.values()), start=RecognizerCounts())
+        return self._counts + PerformerCounts(recognizers=here)
 
     @property
     def refused(self) -> dict[str, str]:
@@ -263,7 +231,7 @@ class Performers(Present[_Performer]):
         Also performers of another kind of feed than the library's, or whose joints move unlike the library's, or in a
         plane.
         """
-        notes = {name: (self._described(each), each.recognizer.oddity) for name, each in self._here.items()}
+        notes = {name: (self._described(each), each.recognizer.fitting.note) for name, each in self._here.items()}
         return {name: "; ".join(filter(None, each)) for name, each in notes.items() if any(each)}
 
     def skeleton_of(self, name: str) -> Skeleton | None:
@@ -425,22 +393,20 @@ class Performers(Present[_Performer]):
         arrival
             When it came, seconds on our clock.
         """
-        due = self._take(frame, arrival)
-        return answers_to([due])[0] if due else None
+        return self.push_all([frame], arrival)[0]
 
     def _take(self, frame: Frame, arrival: float) -> Due | None:
-        performer = self._here.get(frame.performer) or self._come(frame.performer, arrival)
+        performer = self._come(frame.performer, arrival)
         if performer is None:
-            self._no_room += 1
+            self._counts.no_room += 1
             return None
-        performer.newest = arrival
         if performer.is_waiting:
             self._fit(performer)
             if performer.is_waiting and performer.unusable:
-                self._opening += 1
+                self._counts.opening += 1
                 return None
         if performer.unusable or len(frame.positions) != len(performer.joints):
-            self._other_joints += 1
+            self._counts.other_joints += 1
             if performer.refused_size != len(frame.positions):
                 performer.refused_size = len(frame.positions)
                 self._note_refused(frame.performer, performer)
@@ -474,7 +440,7 @@ class Performers(Present[_Performer]):
 
     def _retire(self, followed: _Performer) -> None:
         """Keep a recogniser's counts, and the end of its motion, when the recogniser is no longer needed."""
-        self._past.add(followed.recognizer.counts)
+        self._counts.recognizers += followed.recognizer.counts
         super()._retire(followed)
 
     def _begin(self, name: str, now: float) -> _Performer:

@@ -55,12 +55,11 @@ class ProgressFollower:
 
     def __init__(self, table: PhaseTable) -> None:
         self._table = table
-        self._points = np.empty((8 * _PAST, table.basis.directions.shape[1]))
         self.clear()
 
     def clear(self) -> None:
         """Forget the body's past and the motion."""
-        self._count = 0
+        self._points = np.empty((0, self._table.basis.directions.shape[1]))
         self._time = math.nan
         self._filter: _Filter | None = None
         self._class_name: str | None = None
@@ -68,11 +67,10 @@ class ProgressFollower:
 
     def exchange(self, table: PhaseTable) -> None:
         """Follow by another library; in the same basis the motion that goes on is found again at once."""
-        if table.basis is not self._table.basis:
-            self._points = np.empty((len(self._points), table.basis.directions.shape[1]))
+        before, self._table = self._table, table
+        if table.basis is not before.basis:
             self.clear()
-        self._table, name, self._class_name = table, self._class_name, None
-        self._begin(name)
+        self._begin(self._class_name)
 
     def push(self, time: float, point: NDArray[np.float64], class_name: str | None) -> Progress | None:
         """Take in the body's position.
@@ -95,9 +93,8 @@ class ProgressFollower:
             self._extend(point, steps)
         if class_name != self._class_name:
             self._begin(class_name)
-        elif self._filter:
-            for end in range(self._count - steps + 1, self._count + 1):
-                self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
+        else:
+            self._step_through(steps)
         return self.progress
 
     def _steps_until(self, time: float) -> int:
@@ -111,26 +108,24 @@ class ProgressFollower:
 
     def _extend(self, point: NDArray[np.float64], steps: int) -> None:
         """Keep the newest point; between two hops the body is assumed to move in a straight line."""
-        if self._count + steps > len(self._points):
-            self._points[:_PAST] = self._points[self._count - _PAST : self._count]
-            self._count = _PAST
-        if steps == 1 or not self._count:
-            self._points[self._count : self._count + steps] = point
-        else:
-            before = self._points[self._count - 1]
-            shares = np.arange(1, steps + 1)[:, None] / steps
-            self._points[self._count : self._count + steps] = before + (point - before) * shares
-        self._count += steps
+        before = self._points[-1] if len(self._points) else point
+        new = before + (point - before) * (np.arange(1, steps + 1)[:, None] / steps)
+        new[-1] = point
+        self._points = np.concatenate([self._points, new])[-_PAST - _REPLAYED :]
 
     def _begin(self, class_name: str | None) -> None:
         """Begin to follow another class, by replaying the last half second into a new filter."""
         self._class_name, self.progress, self._filter = class_name, None, None
         moments = self._table.classes.get(class_name) if class_name else None
-        if moments is None:
-            return
-        self._filter = _Filter(str(class_name), moments, self._table.whitening)
-        for end in range(max(1, self._count - _REPLAYED), self._count + 1):
-            self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
+        if moments:
+            self._filter = _Filter(str(class_name), moments, self._table.whitening)
+            self._step_through(_REPLAYED + 1)
+
+    def _step_through(self, most: int) -> None:
+        """Let the filter go on by the last points, by so many at most."""
+        for end in range(max(len(self._points) - most, 0) + 1, len(self._points) + 1):
+            if self._filter:
+                self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
 
 
 class _Filter:

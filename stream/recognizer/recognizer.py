@@ -9,7 +9,7 @@ whether a motion was really done (`done`).
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
 import numpy as np
@@ -27,6 +27,7 @@ from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
 from kinespace.stream.recognizer.settings import LiveSignature, Settings, index_for, threshold_for
 from kinespace.stream.recognizer.window import Covariance, RowSmoother, Window
+from kinespace.stream.status import RecognizerCounts
 
 #: Gives an index as a body of some of its joints shows it; None while that is not open. Raises ValueError where
 #: nothing can be compared by these joints.
@@ -48,27 +49,6 @@ _EARLY = 1e-3
 #: Seconds between two sets of joints that are opened, so that a body that falls apart does not open one at every step.
 _ASKED_AGAIN = 0.5
 _SECOND_THREAD = "a recogniser is used by one thread at a time: expected none, got a second"
-
-
-@dataclass(slots=True)
-class RecognizerCounts:
-    """Counts of a recogniser's frames, by their fate."""
-
-    #: Frames taken into the window.
-    frames: int = 0
-    #: Frames refused because they were not newer than the newest frame.
-    out_of_order: int = 0
-    #: How often the window was started again: after a gap, or when a sender began again.
-    restarts: int = 0
-    #: Windows answered.
-    hops: int = 0
-    #: Windows not answered, because frames had waited for too long and newer ones had come.
-    skipped: int = 0
-
-    def add(self, counts: "RecognizerCounts", times: int = 1) -> None:
-        """Add other counts, or take them off with -1 times."""
-        for each in fields(self):
-            setattr(self, each.name, getattr(self, each.name) + times * getattr(counts, each.name))
 
 
 def refuse_copies(live: object) -> NoReturn:
@@ -106,6 +86,8 @@ class Recognizer:
         Counts of the frames, by their fate.
     settings
         How motions are recognised.
+    fitting
+        Whether the body is like the library's, and what is odd about it.
 
     Raises
     ------
@@ -129,21 +111,13 @@ class Recognizer:
         self.counts = RecognizerCounts()
         self._decision = Decision(index, self.settings, classes)
         self._progress = ProgressFollower(index.phases) if self.settings.progress else None
-        promised = self.settings.promised
-        self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
-        #: What the last look at whole motions saw, until an answer says it.
-        self._look: Look | None = None
-        self._gap = min(self.settings.longest_gap, self._window.seconds)
+        self._begin_with(index)
         self._skeleton = skeleton = index.library.skeleton
         self._shape = (len(skeleton.joints), 3)
         self._positions = np.empty((_MAX_WAITING, *self._shape))
         self._smoother = RowSmoother(Body.of(skeleton).segments, len(skeleton.pairs))
-        self._times: list[float] = []
-        is_watched = self.settings.plausibility
-        #: When the next answer is due, seconds.
-        self._due = -math.inf
-        self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=is_watched)
-        self._fitting = Fitting(index)
+        watched = self.settings.plausibility
+        self._joints = Joints(index.segments, skeleton.joints, self._positions, is_watched=watched)
         self._early = _EARLY * self.settings.hop
         self._clear()
         self._last = -math.inf
@@ -152,6 +126,14 @@ class Recognizer:
         self._performer: str | None = None
 
     __reduce__ = refuse_copies
+
+    def _begin_with(self, index: WindowIndex) -> None:
+        """Begin what is measured by the library anew: whole motions, and how like its bodies the body is."""
+        self.fitting, promised = Fitting(index), self.settings.promised
+        self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
+        #: What the last look at whole motions saw, until an answer says it.
+        self._look: Look | None = None
+        self._gap = min(self.settings.longest_gap, self._window.seconds)
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
@@ -184,10 +166,10 @@ class Recognizer:
         self._asked = -math.inf
         self._begin_again()
         self._joints.clear()
-        self._fitting.begin_again()
-        self._times.clear()
-        # NaN until the first frame: every comparison with it is False, so the first frame is neither late nor after a
-        # gap.
+        self.fitting.begin_again()
+        self._times: list[float] = []
+        # When the next answer is due; and NaN until the first frame: every comparison with it is False, so the first
+        # frame is neither late nor after a gap.
         self._newest, self._due = math.nan, -math.inf
         self._late_in_a_row = 0
 
@@ -223,14 +205,10 @@ class Recognizer:
         require_order(order, index.library)
         with self._alone():
             self._window.exchange(index, threshold_for(index, self.settings))
-            self._gap = min(self.settings.longest_gap, self._window.seconds)
-            self._fitting = Fitting(index)
+            self._begin_with(index)
             self._fewer, self._asked_for = None, ()
             if self._progress:
                 self._progress.exchange(index.phases)
-            if self._done:
-                self._done.exchange(index.courses)
-            self._look = None
             return self._decision.exchange(index, self.settings, order, self._end_time)
 
     @property
@@ -245,16 +223,6 @@ class Recognizer:
         if math.isfinite(self._due) or counts.restarts < _GAPS or counts.frames > 2 * counts.restarts:
             return ""
         return f"times: expected seconds, got a gap before nearly each of {counts.frames} frames (milliseconds?)"
-
-    @property
-    def unlike(self) -> bool | None:
-        """Whether the body is unlike the library's, so that few names are right; None until it has moved."""
-        return self._fitting.unlike
-
-    @property
-    def oddity(self) -> str:
-        """A note on a body in a plane, of another kind of feed than the library's, or unlike it; else empty."""
-        return self._fitting.note
 
     def only_follow(self, until: float) -> None:
         """Compare nothing before a time, seconds: earlier frames only fill the windows, which takes a third as long."""
@@ -292,10 +260,7 @@ class Recognizer:
         """
         with self._alone():
             self._clear()
-            if self._done:
-                self._done.exchange(self._window.index.courses)
-            self._look = None
-            self._fitting = Fitting(self._window.index)
+            self._begin_with(self._window.index)
             self._performer = None
 
     def push(self, frame: Frame) -> Recognition | None:
@@ -398,9 +363,9 @@ class Recognizer:
         recognition = self._decision.push(frame, due.window, self._joints, look)
         if self._done and self._decision.evident:
             self._done.know(frame.time, *self._decision.evident)
-        looks = frame.time >= self._fitting.due and recognition.outcome is not Outcome.STILL
+        looks = frame.time >= self.fitting.due and recognition.outcome is not Outcome.STILL
         if looks and (newest := self._joints.newest) is not None:
-            self._fitting.look(frame.time, newest)
+            self.fitting.look(frame.time, newest)
         if self._progress:
             going_on = self._decision.events.going_on
             motion = recognition.class_name or (going_on.label if going_on else None)

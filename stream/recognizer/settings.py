@@ -161,8 +161,10 @@ def index_for(library: MotionLibrary | WindowIndex, settings: Settings) -> Windo
     return library if isinstance(library, WindowIndex) else opened(library)
 
 
-def usual_sensitivity(library: MotionLibrary) -> float:
-    """Give the sensitivity for a library when none is set."""
+def sensitivity_for(library: MotionLibrary, settings: Settings) -> float:
+    """Give the sensitivity for a library: as set, else as what taught it demands."""
+    if settings.sensitivity is not None:
+        return settings.sensitivity
     if library.judged_by_strangers:
         return SENSITIVITY_LEARNED
     if len(library.motions) == len({motion.class_name for motion in library.motions}):
@@ -191,5 +193,4 @@ def threshold_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = Fa
     """
     if not index.comparison.weighing.judges:
         return -math.inf
-    sensitivity = usual_sensitivity(index.library) if settings.sensitivity is None else settings.sensitivity
-    return index.rejection.threshold_at(sensitivity * (_FEWER if of_fewer else 1.0))
+    return index.rejection.threshold_at(sensitivity_for(index.library, settings) * (_FEWER if of_fewer else 1.0))

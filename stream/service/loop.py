@@ -19,7 +19,7 @@ from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
 from kinespace.stream.recognizer import Performers
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, RecognizerCounts, Status
 from kinespace.stream.teaching import Asked, State, Step, commands
 
 if TYPE_CHECKING:
@@ -195,10 +195,10 @@ class Service:
         self._control = control
         #: How long the last hops took, seconds.
         self._hop_times = deque[float](maxlen=_MAX_HOPS)
-        #: Frames of each performer since the last status, when that was, and frames a second before it.
-        self._frames, self._counted_since, self._rates = Counter[str](), clock(), dict[str, float]()
-        #: The share of the answers due that were given, and how many were given and left out before.
-        self._answered, self._answered_before = 1.0, (0, 0)
+        #: Frames of each performer since the last status, and frames a second before it.
+        self._frames, self._rates = Counter[str](), dict[str, float]()
+        #: The share of the answers due that were given, and the counts behind it.
+        self._answered, self._counted = 1.0, RecognizerCounts()
         self._next_status = self._next_classes = self._next_refusal = clock()
         #: When the last step ends; inf before it was stopped.
         self._over = math.inf
@@ -408,16 +408,14 @@ class Service:
             self._next_classes = now + CLASSES_EVERY
             tell(self.sinks, Classes(tuple((self._control or self.performers).classes)))
         if now >= self._next_status:
-            self._next_status = now + STATUS_EVERY
+            elapsed, self._next_status = now - self._next_status + STATUS_EVERY, now + STATUS_EVERY
             # After a stop of this process packets wait, and nobody knows who is silent.
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
             self._publish_events([*paused, *self.performers.drop_silent(now)])
             self._publish_gone(self.performers.take_gone())
-            elapsed = max(now - self._counted_since, 1e-9)
             # Of performers alone: thousands of names may have been counted for which there was no room.
             self._rates = {name: self._frames[name] / elapsed for name in self.performers.names}
             self._frames.clear()
-            self._counted_since = now
             self._note_answered()
             tell(self.sinks, self.status())
 
@@ -449,9 +447,8 @@ class Service:
     def _note_answered(self) -> None:
         """Note the share of the answers due since the last status that were given."""
         total = self.performers.counts.recognizers
-        now = total.hops, total.skipped
-        given, left_out = (max(count - before, 0) for count, before in zip(now, self._answered_before, strict=True))
-        self._answered_before = total.hops, total.skipped
+        since, self._counted = total - self._counted, total
+        given, left_out = max(since.hops, 0), max(since.skipped, 0)
         self._answered = given / (given + left_out) if left_out else 1.0
 
     def _from(self, performer: str) -> str:

@@ -20,7 +20,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from multiprocessing import parent_process
 from multiprocessing.reduction import ForkingPickler
 from typing import Annotated, Any, NamedTuple
 
@@ -37,13 +36,12 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.packet import IdleSource, remember
 from kinespace.stream.present import MAX_REMEMBERED, Present
 from kinespace.stream.recognition import Event, Recognition
-from kinespace.stream.recognizer import Performers, Recognizer, RecognizerCounts, SentJoints, Settings
+from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.recognizer.decision import Events
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
 from kinespace.stream.service.loop import Service
-from kinespace.stream.status import InputCounts
+from kinespace.stream.status import InputCounts, PerformerCounts, RecognizerCounts
 
 _FLOATS: np.dtype[np.floating] = np.dtype("<f4")
 _DOUBLES: np.dtype[np.floating] = np.dtype("<f8")
@@ -257,15 +255,11 @@ class Track:
 
     def end(self) -> Event | None:
         """End the motion that goes on."""
-        return self.events.end(self._kept[-1].sent.time) if self._kept else None
+        return self.events.end(self._kept[-1].sent.time)
 
     def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
         """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
-        begun = self.events.going_on
-        ended = self.end() if begun and begun.label not in classes else None
-        begun = self.events.going_on
-        self.events = Events(lead, begun and replace(begun, index=classes.index(begun.label)))
-        return ended
+        return self.events.exchange(classes, lead, self._kept[-1].sent.time)
 
     def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
         """Give the frames that another worker is shown, and those that it answers."""
@@ -362,7 +356,9 @@ class Gateway(Present[Track]):
     def _know(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         motions = library.library if isinstance(library, WindowIndex) else library
         self._skeleton, self._packed = motions.skeleton, bytes(ForkingPickler.dumps(library))
-        self._usual_sensitivity, self._lead = usual_sensitivity(motions), needed_lead(motions, self.settings)
+        #: The sensitivity of all recognisers.
+        self.sensitivity = sensitivity_for(motions, self.settings)
+        self._lead = needed_lead(motions, self.settings)
         self.classes = tuple(order) or motions.classes
         self.terms = self.terms._replace(classes=tuple(order))
 
@@ -374,18 +370,13 @@ class Gateway(Present[Track]):
         return self.terms.settings
 
     @property
-    def sensitivity(self) -> float:
-        """The sensitivity of all recognisers."""
-        return self._usual_sensitivity if self.settings.sensitivity is None else self.settings.sensitivity
-
-    @property
     def promise(self) -> tuple[float, float | None]:
         """False alarms an hour that `done` promises; what is missed the workers know."""
         return self.settings.promised, None
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity soon."""
-        self.terms = self.terms._replace(settings=replace(self.settings, sensitivity=share))
+        self.terms, self.sensitivity = self.terms._replace(settings=replace(self.settings, sensitivity=share)), share
         self._tell_all(bytes(ForkingPickler.dumps(None)))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:
@@ -402,9 +393,7 @@ class Gateway(Present[Track]):
     @property
     def counts(self) -> PerformerCounts:
         """Counts of what happened to all frames so far, as far as workers have reported it."""
-        counts = self.reported.counts
-        counts.no_room, counts.dropped = self._no_room, self._dropped
-        return counts
+        return replace(self.reported.counts, no_room=self._counts.no_room, dropped=self._counts.dropped)
 
     #: What workers tell of performers: why frames are refused, and joints doubted, and by which they are compared.
     refused, doubted, compared = (_told(what) for what in ("refused", "doubted", "compared"))
@@ -448,30 +437,20 @@ class Gateway(Present[Track]):
         del newest_only
         for_worker: dict[str, list[SentFrame]] = {}
         for event in events:
-            if isinstance(event, Frame):
-                self._route(event, arrival, for_worker)
+            if isinstance(event, Frame) and (track := self._come(event.performer, arrival)):
+                sent = track.send(event, self._announced.get(event.performer))
+                for_worker.setdefault(track.worker, []).append(sent)
+            elif isinstance(event, Frame):
+                self._counts.no_room += 1
             elif isinstance(event, Announcement):
                 remember(self._announced, event.performer, event.joints, MAX_REMEMBERED * self.most)
             elif isinstance(event, NewSender):
                 self._announced.pop(event.performer, None)
                 self._forget(event.performer)
         for worker, frames in for_worker.items():
-            if not self._send(worker, encode(Orders(frames, at=time.monotonic()))):
+            if not (worker and self._send(worker, encode(Orders(frames, at=time.monotonic())))):
                 self.unsent += len(frames)
         return [None] * len(events)
-
-    # --- performers ---
-
-    def _route(self, frame: Frame, arrival: float, for_worker: dict[str, list[SentFrame]]) -> None:
-        """Add a frame to those of the worker that answers it, if there is room for its performer."""
-        if (track := self._come(frame.performer, arrival)) is None:
-            self._no_room += 1
-            return
-        sent = track.send(frame, self._announced.get(frame.performer))
-        if track.worker:
-            for_worker.setdefault(track.worker, []).append(sent)
-        else:
-            self.unsent += 1
 
     def _begin(self, name: str, now: float) -> Track:  # noqa: ARG002 - as any of `Present`
         worker = min(load, key=load.__getitem__) if (load := self._load()) else ""
@@ -542,15 +521,12 @@ class Gateway(Present[Track]):
         for worker in self.ready:
             self._send(worker, b"", library, bytes(ForkingPickler.dumps(self.terms)))
 
-    def _drop(self, worker: str, why: str) -> None:
-        """Give the performers of a worker to others; keep its counts."""
-        each = self._workers[worker]
-        if each.report:
-            self._past, each.report = _summed([self._past, each.report]), None
-            self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
-            for track in self._here.values():
-                track.worker = "" if track.worker == worker else track.worker
-            self._balance(time.monotonic())
+    def _drop(self, worker: str, report: Report, why: str) -> None:
+        """Take its performers from a worker, and keep the counts of its last report."""
+        self._past, self._workers[worker].report = _summed([self._past, report]), None
+        self._lost, self._last_lost = self._lost + 1, f"worker {_named(worker)} {why}"
+        for track in self._here.values():
+            track.worker = "" if track.worker == worker else track.worker
 
     def read(self) -> None:
         """Read the messages that have come."""
@@ -595,7 +571,7 @@ class Gateway(Present[Track]):
             each.newest = max(each.newest, now - MAX_SILENT / 2) if was_stopped else each.newest
             alive = each.process.is_alive()
             if each.report and not (alive and now - each.newest <= MAX_SILENT):
-                self._drop(name, "does not report" if alive else "is gone")
+                self._drop(name, each.report, "does not report" if alive else "is gone")
             if each.report:
                 each.absent_from = now
             elif now - each.absent_from > _MAX_ABSENT:
@@ -664,11 +640,7 @@ def _named(worker: str) -> str:
 
 def _summed(reports: Sequence[Report]) -> Report:
     """Add up reports: the counts that the gateway does not know itself."""
-    counts = PerformerCounts()
-    for each in reports:
-        counts.recognizers.add(each.counts.recognizers)
-        counts.other_joints += each.counts.other_joints
-        counts.opening += each.counts.opening
+    counts = sum((each.counts for each in reports), start=PerformerCounts())
     return Report(counts, stale=sum(each.stale for each in reports))
 
 
@@ -752,7 +724,7 @@ class Worker(Sink, IdleSource):
 
     def run(self) -> None:
         """Work until the gateway's process is gone."""
-        parent = parent_process()
+        parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
             self.service.step(_MAX_SLEEP)
 
@@ -807,7 +779,7 @@ class Worker(Sink, IdleSource):
     def _report(self, now: float) -> Report:
         self._next_report = now + REPORT_EVERY
         performers, counts = self._performers, self._performers.counts
-        counts.recognizers.add(self._shown, -1)
+        counts.recognizers -= self._shown
         stale = self.service.status().inputs.stale
         return Report(counts, performers.refused, performers.doubted, performers.compared, stale)
 
@@ -818,5 +790,4 @@ class Worker(Sink, IdleSource):
         older = next(place for place, moment in enumerate(times) if moment >= times[-1] - _COMPARED)
         self._performers.push_all(seen[:older], now, newest_only=True)
         self._performers.push_all(seen[older:], now)
-        self._shown.add(self._performers.counts.recognizers)
-        self._shown.add(before, -1)
+        self._shown += self._performers.counts.recognizers - before

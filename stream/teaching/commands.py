@@ -11,9 +11,10 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args
 
 import msgspec
+from msgspec.structs import fields
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
 from kinespace.stream.recognition import GONE, Outcome
@@ -162,7 +163,7 @@ _BOUNDS = {
 }
 
 
-class _Command(msgspec.Struct, frozen=True):
+class _Command(msgspec.Struct, frozen=True, rename={"class_name": "class"}):
     """A command; CommandError where a name is not allowed, or a number is out of range."""
 
     def __post_init__(self) -> None:
@@ -342,11 +343,8 @@ _MAX_REQUEST = 10_000
 #: The largest number that is read, so that every number can be a float.
 _MAX_NUMBER = 1e15
 _COMMANDS: dict[str, type[Command]] = {each.__name__.lower(): each for each in get_args(Command)}
-#: The arguments of each command, in order: the names on the wire with the fields' names and types.
-_ARGUMENTS: dict[str, dict[str, tuple[str, type]]] = {
-    word: {name.removesuffix("_name"): (name, kind) for name, kind in get_type_hints(each).items()}
-    for word, each in _COMMANDS.items()
-}
+#: The arguments of each command, in order, by their names on the wire.
+_ARGUMENTS = {word: {each.encode_name: each for each in fields(kind)} for word, kind in _COMMANDS.items()}
 
 
 #: A command's word and its arguments.
@@ -418,11 +416,11 @@ def _names(word: str) -> list[str]:
 
 def _made(word: str, given: Mapping[str, Any]) -> Command:
     """Make a command of its arguments by name; CommandError where one is missing or wrong."""
-    arguments, needed = _ARGUMENTS[word], [each.required for each in msgspec.structs.fields(_COMMANDS[word])]
-    for name, must in zip(arguments, needed, strict=True):
-        if must and name not in given:
+    arguments = _ARGUMENTS[word]
+    for name, argument in arguments.items():
+        if argument.required and name not in given:
             raise CommandError(f"{word}: expected {', '.join(arguments)}, got no {name}")
-    return _COMMANDS[word](**{arguments[name][0]: _as(arguments[name][1], name, given[name]) for name in given})
+    return _COMMANDS[word](**{arguments[name].name: _as(arguments[name].type, name, given[name]) for name in given})
 
 
 def _as(kind: type, name: str, value: Any) -> Any:  # noqa: ANN401 - of the kind that is asked for

@@ -13,11 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.motion_library import NOTHING, MotionLibrary
+from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.windows.comparer import named_and_alone
 from kinespace.library.windows.courses import Courses
-from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.rejection import Rejection
 from kinespace.library.windows.segments import mirrored
 

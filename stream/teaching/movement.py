@@ -8,9 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.clip import Clip
-from kinespace.library.distances import distance_rows
-from kinespace.library.skeleton import Skeleton
+from kinespace.library import Clip, Skeleton, distance_rows
 
 #: Movement, relative to the body's size, below which a body stands still: some 8 mm for an adult.
 STILLNESS = 0.01

@@ -331,7 +331,7 @@ class NamedMotion:
     class_name
         Its class.
     started, ended
-        The times of its events, seconds on the sender's clock; no end while it goes on.
+        The times of its events, seconds on the sender's clock; inf while it goes on.
     after, until
         The end of the motion before, and the beginning of the next one.
     number
@@ -342,9 +342,9 @@ class NamedMotion:
 
     class_name: str
     started: float
-    ended: float | None = None
-    after: float = -float("inf")
-    until: float = float("inf")
+    ended: float = math.inf
+    after: float = -math.inf
+    until: float = math.inf
     number: int = 0
     is_right: bool = False
 
@@ -353,12 +353,12 @@ class NamedMotion:
 
         A motion is named when a part of it was seen, so it began before. Stillness in the span is still to be trimmed.
         """
-        end = newest if self.ended is None else self.ended
+        end = self.ended if self.ended < math.inf else newest
         return Stretch(max(self.started - _BEFORE, self.after, end - commands.MAX_LAST), end)
 
     def around(self, newest: float) -> Stretch:
         """Give the time of a motion that nobody did, as far as it was seen, and what surrounds it; as `span`."""
-        end = min(newest, self.until, math.inf if self.ended is None else self.ended + _AROUND)
+        end = min(newest, self.until, self.ended + _AROUND)
         return Stretch(max(self.started - _AROUND, self.after, end - commands.MAX_LAST), end)
 
 
@@ -374,10 +374,11 @@ class NamedMotions:
         motions = self._motions.pop(event.performer, [])
         self._motions[event.performer] = motions
         if event.kind is EventKind.START:
-            after = motions[-1].ended if motions else None
+            begun = NamedMotion(event.label, event.time)
             for before in motions[-1:]:
-                before.until = max(event.time - _BEFORE, before.started if after is None else after)
-            begun = NamedMotion(event.label, event.time, after=-float("inf") if after is None else after)
+                over = before.ended < math.inf
+                before.until = max(event.time - _BEFORE, before.ended if over else before.started)
+                begun.after = before.ended if over else -math.inf
             # A sender's clock that begins again knows no motion before.
             self._motions[event.performer] = [*motions[-1:], begun]
         elif motions and motions[-1].class_name == event.label:
@@ -399,7 +400,7 @@ class NamedMotions:
     def confirmed(self, performer: str, newest: float) -> NamedMotion | None:
         """Give a motion that was right and is over, or has gone on for as long as an example may last."""
         right = (each for each in self._motions.get(performer, ()) if each.is_right)
-        over = (each for each in right if each.ended is not None or newest - each.started >= commands.MAX_LAST)
+        over = (each for each in right if each.ended < math.inf or newest - each.started >= commands.MAX_LAST)
         return next(over, None)
 
     def forget(self, performer: str) -> None:
@@ -585,7 +586,7 @@ class Teacher:
         if motion.number in there:
             return [_refused(performer, f"{motion.class_name} was judged already: undo it first")]
         motion.is_right = is_right
-        if is_right and motion.ended is None:
+        if is_right and motion.ended == math.inf:
             return [State(performer, Step.CHECKING, 0.0, f"{motion.class_name}: taken when it ends")]
         return self._take_judged(performer, motion)
 

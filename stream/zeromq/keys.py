@@ -120,7 +120,11 @@ class Keyring(AbstractContextManager["Keyring"]):
         opened.setsockopt(zmq.CURVE_PUBLICKEY, self._public)
         opened.setsockopt(zmq.CURVE_SECRETKEY, self._secret)
         if not bind:
-            opened.setsockopt(zmq.CURVE_SERVERKEY, self._of_the_other_end())
+            others = [key for key in self._names if key != self._public]
+            if len(others) > 1:
+                names = ", ".join(self._names[key] for key in others)
+                raise ValueError(f"keys: expected one key besides our own in {self._folder} to connect to, got {names}")
+            opened.setsockopt(zmq.CURVE_SERVERKEY, others[0] if others else self._public)
             return
         self._admit_known_keys()
         opened.setsockopt(zmq.CURVE_SERVER, 1)
@@ -129,13 +133,6 @@ class Keyring(AbstractContextManager["Keyring"]):
     def name_of(self, key: str) -> str:
         """Name the owner of a public key, as ZeroMQ reports it with a message."""
         return self._names.get(key.encode(), key)
-
-    def _of_the_other_end(self) -> bytes:
-        others = [key for key in self._names if key != self._public]
-        if len(others) > 1:
-            names = ", ".join(self._names[key] for key in others)
-            raise ValueError(f"keys: expected one key besides our own in {self._folder} to connect to, got {names}")
-        return others[0] if others else self._public
 
     def _admit_known_keys(self) -> None:
         if self._admits:

@@ -82,10 +82,6 @@ class NumberedFrame(NamedTuple):
     announcement: Announcement | None
 
 
-class FormatError(ValueError):
-    """A ZeroMQ message is not one of ours; the message says why."""
-
-
 def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
     """Decode one multipart message.
 
@@ -98,17 +94,14 @@ def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
 
     Raises
     ------
-    FormatError
+    ValueError, RecursionError
         A part is missing, too large, or does not match the header.
     """
-    try:
-        topic, header, buffer = parts
-        performer = _performer(topic)
-        if len(header) > MAX_HEADER:
-            raise FormatError(f"header: expected at most {MAX_HEADER} bytes, got {len(header)}")
-        return numbered(performer, _read_header(header), buffer, arrival)
-    except (ValueError, RecursionError) as error:
-        raise FormatError(str(error)) from error
+    topic, header, buffer = parts
+    performer = _performer(topic)
+    if len(header) > MAX_HEADER:
+        raise ValueError(f"header: expected at most {MAX_HEADER} bytes, got {len(header)}")
+    return numbered(performer, _read_header(header), buffer, arrival)
 
 
 def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> NumberedFrame:
@@ -131,15 +124,15 @@ def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> N
         The version is another, or the positions do not match the header.
     """
     if header.v != VERSION:
-        raise FormatError(f"v: expected version {VERSION}, got {header.v}")
+        raise ValueError(f"v: expected version {VERSION}, got {header.v}")
     joints, axes = header.shape
     if not 0 < joints <= _MAX_JOINTS or axes != 3:
-        raise FormatError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")
+        raise ValueError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")
     dtype = _TYPES.get(header.dtype)
     if dtype is None:
-        raise FormatError(f"dtype: expected <f4 or <f8, got {header.dtype[:32]!r}")
+        raise ValueError(f"dtype: expected <f4 or <f8, got {header.dtype[:32]!r}")
     if len(buffer) != joints * 3 * dtype.itemsize:
-        raise FormatError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
+        raise ValueError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
     frame = Frame(performer, header.t or arrival, np.frombuffer(buffer, dtype).reshape(joints, 3))
     announcement = None if header.joints is None else Announcement(performer, tuple(header.joints))
     return NumberedFrame(frame, header.seq, announcement)
@@ -148,10 +141,10 @@ def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> N
 @lru_cache(maxsize=1024)
 def _performer(topic: bytes) -> str:
     if len(topic) > _MAX_TOPIC:
-        raise FormatError(f"topic: expected at most {_MAX_TOPIC} bytes, got {len(topic)}")
+        raise ValueError(f"topic: expected at most {_MAX_TOPIC} bytes, got {len(topic)}")
     kind, _, rest = topic.decode().partition("/")
     if kind != "frame" or not rest.endswith("/"):
-        raise FormatError("topic: expected frame/<performer>/")
+        raise ValueError("topic: expected frame/<performer>/")
     return rest[:-1]
 
 
@@ -176,14 +169,11 @@ def decode_packed(payload: bytes, arrival: float) -> NumberedFrame:
 
     Raises
     ------
-    FormatError
+    ValueError, RecursionError
         The payload is no msgpack, or not a frame of ours.
     """
-    try:
-        packed = _unpack(payload)
-        return numbered(packed.performer, packed, packed.data, arrival)
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"msgpack: {error}") from error
+    packed = _unpack(payload)
+    return numbered(packed.performer, packed, packed.data, arrival)
 
 
 class SequenceGaps:

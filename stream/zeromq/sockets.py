@@ -13,6 +13,7 @@ from typing import NamedTuple
 import zmq
 
 from kinespace.stream.packet import KEYED, Networks, Sender
+from kinespace.stream.status import InputCounts
 from kinespace.stream.zeromq.keys import Keyring
 
 #: Bytes of a message's part above which ZeroMQ refuses it and ends the connection: twice a frame of 4096 joints in
@@ -150,83 +151,13 @@ _MAX_EVENTS = 64
 _A_WHILE = 0.5
 
 
-class Connections:
-    """Watches a subscriber's connections: counts the broken ones, and makes them again.
-
-    ZeroMQ ends a connection when a message above the size limit comes, and only its monitor shows it. A sender that
-    connected to us comes back by itself, without that message. A sender that we connected to does not: ZeroMQ takes the
-    refused message for another protocol, and gives the connection up.
-
-    Parameters
-    ----------
-    socket
-        A socket that is bound or connected already.
-    endpoint
-        Its endpoint, which says whether it is bound or connected.
-
-    Attributes
-    ----------
-    broken
-        Count of the connections that broke while the sender was still there: by a message above the size limit, by a
-        network that fails for a moment, or when a sender begins again within a second.
-    """
-
-    def __init__(self, socket: zmq.Socket[bytes], endpoint: Endpoint) -> None:
-        self.broken = 0
-        self._socket = socket
-        self._endpoint = endpoint
-        self._events: zmq.Socket[bytes] = socket.get_monitor_socket(_WATCHED)
-        #: Connections that ended since the last call, and since the call before: a sender, or ZeroMQ, may take that
-        #: long to come back.
-        self._gone = self._gone_before = 0
-        self._counted = time.monotonic()
-        self._next = 0.0
-
-    def look(self) -> list[int]:
-        """Note the changes of connections, some times a second; give the file numbers of connections that began."""
-        now = time.monotonic()
-        if now < self._next or self._socket.closed:
-            return []
-        self._next = now + _LOOK_EVERY
-        if now >= self._counted + _A_WHILE:
-            self._counted, self._gone_before, self._gone = now, self._gone, 0
-        begun = []
-        with suppress(zmq.Again):
-            for _ in range(_MAX_EVENTS):
-                event, connection = _EVENT.unpack_from(self._events.recv_multipart(zmq.NOBLOCK)[0])
-                self._note(event)
-                if event in _BEGUN:
-                    begun.append(connection)
-        if not self._endpoint.bind and self._gone_before:
-            # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
-            self.broken += 1
-            self._gone_before = 0
-            with suppress(zmq.ZMQError):
-                self._socket.disconnect(self._endpoint.address)
-            self._socket.connect(self._endpoint.address)
-        return begun
-
-    def _note(self, event: int) -> None:
-        if event == zmq.EVENT_DISCONNECTED:
-            self._gone += 1
-        elif not self._endpoint.bind:
-            self._gone = self._gone_before = 0
-        elif event == zmq.EVENT_ACCEPTED and self._gone + self._gone_before:
-            self.broken += 1
-            if self._gone_before:
-                self._gone_before -= 1
-            else:
-                self._gone -= 1
-
-    def close(self) -> None:
-        """Stop watching; before the socket is closed."""
-        if not self._socket.closed:
-            self._socket.disable_monitor()
-        self._events.close()
-
-
 class ZmqReceiver:
     """A SUB socket for frames. Poll it continuously: a bound SUB accepts new peers only while it is polled.
+
+    It counts the connections that broke, and makes them again. ZeroMQ ends a connection when a message above the size
+    limit comes, and only its monitor shows it. A sender that connected to us comes back by itself, without that
+    message. A sender that we connected to does not: ZeroMQ takes the refused message for another protocol, and gives
+    the connection up.
 
     Parameters
     ----------
@@ -243,13 +174,15 @@ class ZmqReceiver:
     ----------
     address, place
         The endpoint as bound or connected, its port resolved; and as recordings name it: `zmq`, a space, the endpoint.
+    counts
+        Counts of the connections that broke while the sender was still there: by a message above the size limit, by a
+        network that fails for a moment, or when a sender begins again within a second.
     sender
         The sender of the last message: host and port of the connection or, with keys, `key NAME` and the port. None
         where ZeroMQ does not say.
     """
 
-    #: ZeroMQ says neither which messages it dropped nor how long it kept one.
-    kernel_drops = 0
+    #: ZeroMQ does not say how long it kept a message.
     waited = 0.0
 
     def __init__(
@@ -259,10 +192,16 @@ class ZmqReceiver:
         self.address = str(self.socket.getsockopt_string(zmq.LAST_ENDPOINT))
         self.place = f"zmq {self.address}"
         self.socket.subscribe(topic)
-        self._connections = Connections(self.socket, endpoint)
+        self._endpoint, self._keyring = endpoint, keyring
+        self._events: zmq.Socket[bytes] = self.socket.get_monitor_socket(_WATCHED)
+        self.counts = InputCounts()
+        #: Connections that ended since the last count, and since the count before: a sender, or ZeroMQ, may take that
+        #: long to come back.
+        self._gone = self._gone_before = 0
+        #: When they were counted, and when to look at the events again.
+        self._counted, self._next = time.monotonic(), 0.0
         #: Whether the further parts of a message are to be dropped.
         self._passing = False
-        self._keyring = keyring
         self.sender: Sender = None
         #: Senders by connection. They stay when a connection ends, because messages of it may still wait, and until its
         #: number is another's.
@@ -270,11 +209,6 @@ class ZmqReceiver:
 
     def __str__(self) -> str:
         return f"ZeroMQ {self.address}"
-
-    def broken(self) -> int:
-        """Count the connections that broke while the sender was there."""
-        self._look()
-        return self._connections.broken
 
     def receive(self) -> list[bytes] | None:
         """Take the next message; None when no message waits.
@@ -300,8 +234,38 @@ class ZmqReceiver:
         return parts
 
     def _look(self) -> None:
-        for connection in self._connections.look():
-            self._senders.pop(connection, None)
+        """Note the changes of connections, some times a second."""
+        now = time.monotonic()
+        if now < self._next or self.socket.closed:
+            return
+        self._next = now + _LOOK_EVERY
+        if now >= self._counted + _A_WHILE:
+            self._counted, self._gone_before, self._gone = now, self._gone, 0
+        with suppress(zmq.Again):
+            for _ in range(_MAX_EVENTS):
+                event, connection = _EVENT.unpack_from(self._events.recv_multipart(zmq.NOBLOCK)[0])
+                self._note(event)
+                if event in _BEGUN:
+                    self._senders.pop(connection, None)
+        if not self._endpoint.bind and self._gone_before:
+            # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
+            self.counts.broken += 1
+            self._gone_before = 0
+            with suppress(zmq.ZMQError):
+                self.socket.disconnect(self._endpoint.address)
+            self.socket.connect(self._endpoint.address)
+
+    def _note(self, event: int) -> None:
+        if event == zmq.EVENT_DISCONNECTED:
+            self._gone += 1
+        elif not self._endpoint.bind:
+            self._gone = self._gone_before = 0
+        elif event == zmq.EVENT_ACCEPTED and self._gone + self._gone_before:
+            self.counts.broken += 1
+            if self._gone_before:
+                self._gone_before -= 1
+            else:
+                self._gone -= 1
 
     def _note_sender(self, part: zmq.Frame) -> None:
         try:
@@ -336,8 +300,10 @@ class ZmqReceiver:
         return False
 
     def close(self) -> None:
-        """Close the socket."""
-        self._connections.close()
+        """Stop watching the connections, and close the socket."""
+        if not self.socket.closed:
+            self.socket.disable_monitor()
+        self._events.close()
         self.socket.close()
 
 

@@ -30,10 +30,8 @@ from kinespace.stream.osc import decode_packet
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import MAX_BUNDLE_DEPTH, MAX_MESSAGES, MAX_VALUES, Message, PacketError
 from kinespace.stream.recognition import Answer, Gone
-from kinespace.stream.recognizer import RecognizerCounts
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import AdmissionCounts, InputCounts, Status
+from kinespace.stream.status import AdmissionCounts, InputCounts, PerformerCounts, RecognizerCounts, Status
 from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
@@ -155,7 +153,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     assert scores == np.float32(recognition.scores).tolist() if scores else len(recognition.scores) > 100
     followed = recognition.progress
     numbers = followed and (followed.phase, followed.speed, followed.amplitude, followed.sure, followed.scrub)
-    progress = followed and [recognition.progress_index, *(numbers or ()), followed.cycles]
+    progress = followed and [recognition.classes.index(followed.class_name), *(numbers or ()), followed.cycles]
     assert said.get(f"/motion/{part}/progress") == progress
     assert osc_answers.encode_progress(recognition) == (
         by_python_osc(f"/motion/{part}/progress", *zip("ifffffi", progress, strict=True)) if progress else b""
@@ -332,7 +330,8 @@ def test_cut_off_anywhere_a_packet_never_becomes_a_smaller_one() -> None:
     """A frame cut at any byte is malformed; of a bundle only whole messages are found, where one ends."""
     whole = wrong.osc_frame([1.0] * 6)
     for length in range(len(whole)):
-        assert osc.decode(whole[:length], 1.0) == osc.messages.Received([], malformed=1)
+        events, refused = osc.decode(whole[:length], 1.0)
+        assert (events, [kind for kind, _ in refused]) == ([], ["malformed"])
     packet = bundle(whole, bundle(message("/b", "i", 1), whole), message("/c", "s", "ü"))
     expected = decode_packet(packet)
     found = []
@@ -400,7 +399,7 @@ def test_a_changed_frame_is_read_alike_both_ways(places: list[tuple[int, int]]) 
     for place, byte in places:
         packet[place % len(packet)] = byte
     alone, bundled = osc.decode(bytes(packet), 1.0), osc.decode(bundle(bytes(packet)), 1.0)
-    assert (alone.malformed, alone.foreign) == (bundled.malformed, bundled.foreign)
+    assert [kind for kind, _ in alone.refused] == [kind for kind, _ in bundled.refused]
     for one, other in zip(alone.events, bundled.events, strict=True):
         assert (one.performer, one.time) == (other.performer, other.time)
         assert np.array_equal(one.positions, other.positions, equal_nan=True)

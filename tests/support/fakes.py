@@ -36,16 +36,13 @@ class FakeClock:
 class FakeReceiver:
     """Takes the place of a receiver of either transport: gives the packets that a test puts in, with their senders."""
 
-    waited, kernel_drops = 0.0, 0
+    waited = 0.0
 
     def __init__(self) -> None:
+        self.counts = InputCounts()
         self.packets: deque[tuple[Any, tuple[str, int]]] = deque()
         self.sender: tuple[str, int] | None = None
         self.socket = self
-
-    def broken(self) -> int:
-        """Have no connections."""
-        return 0
 
     def receive(self) -> bytes | list[bytes] | None:
         """Give the next packet."""

@@ -86,7 +86,7 @@ def course(
     recognizer = Recognizer(compared, settings)
     answers = [answer for _, answer in harness.pushed(recognizer, feed) if answer is not None]
     played = scores.course_of(take, feed.times, answers, classes=classes, known=library.classes)
-    return replace(played, unlike=recognizer.unlike)
+    return replace(played, unlike=recognizer.fitting.unlike)
 
 
 @lru_cache(maxsize=2)

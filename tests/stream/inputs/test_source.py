@@ -206,7 +206,7 @@ def test_commands_are_read_from_senders_that_may_give_them() -> None:
     reader = CommandReader([ip_network("192.0.2.7")])
     assert reader.read(FRAME, HERE, 1.0) is None
     assert reader.read(encode_bundle(FRAME), HERE, 1.0) is None
-    assert (reader.received, reader.refused) == (0, 0)
+    assert (reader.counts.received, reader.counts.foreign) == (0, 0)
     for sender in (HERE, ("192.0.2.7", 1), ("::1", 1), ("key ann", 0)):
         (asked,) = reader.read(STOP, sender, 1.0) or ()
         assert (asked.command, asked.refusal, asked.reply) == (commands.Stop(), "", None)
@@ -216,7 +216,7 @@ def test_commands_are_read_from_senders_that_may_give_them() -> None:
     (asked,) = reader.read([b"topic", WRONG], HERE, 1.0) or ()
     assert asked.command is None
     assert "expected one of" in asked.refusal
-    assert (reader.received, reader.refused) == (7, 3)
+    assert (reader.counts.received, reader.counts.foreign) == (7, 3)
 
 
 def test_a_senders_commands_are_counted() -> None:
@@ -233,7 +233,7 @@ def test_a_senders_commands_are_counted() -> None:
     assert asked.refusal == "packet: expected at most 8 commands, got 9"
     steady = [reader.read(STOP, HERE, 10.0 + number / 20) or () for number in range(200)]
     assert all(each[0].command for each in steady)
-    assert (reader.received, reader.refused) == (212, 8)
+    assert (reader.counts.received, reader.counts.foreign) == (212, 8)
 
 
 def test_counting_anew_is_a_command_that_is_obeyed_without_lessons() -> None:

@@ -17,8 +17,7 @@ from kinespace.stream.osc import decode_packet, udp
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import Message
 from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, PerformerCounts, Status
 
 # --- packets byte by byte ----------------------------------------------------------------------------------------
 
@@ -126,7 +125,7 @@ def test_datagrams_arrive_in_order(receiver: osc.OscReceiver, sender: osc.OscSen
     assert [_receive(receiver) for _ in packets] == packets
     assert receiver.receive() is None
     assert receiver.waited > 0.0 or sys.platform != "linux"
-    assert (sender.failed, sender.unheard, receiver.kernel_drops) == (0, 0, 0)
+    assert (sender.failed, sender.unheard, receiver.counts.overrun) == (0, 0, 0)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells how many datagrams it threw away")
@@ -141,7 +140,7 @@ def test_packets_dropped_by_the_system_are_counted(receiver: osc.OscReceiver, se
     assert 0 < came < sent
     sender.send(b"one more")
     assert _receive(receiver) == b"one more"
-    assert receiver.kernel_drops == sent - came
+    assert receiver.counts.overrun == sent - came
 
 
 def test_datagrams_that_cannot_be_sent_are_counted(receiver: osc.OscReceiver, sender: osc.OscSender) -> None:

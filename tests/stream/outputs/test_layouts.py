@@ -26,8 +26,7 @@ from kinespace.stream.outputs.midi_sink import AMPLITUDE, PHASE, SCORE, SPEED, M
 from kinespace.stream.outputs.zeromq_sink import BodySink
 from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.recognizer.carried import Carried
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, PerformerCounts, Status
 from kinespace.stream.teaching import State, Step
 
 LOOPBACK = "127.0.0.1"

@@ -16,7 +16,7 @@ from kinespace.stream import Announcement, Frame, Outcome, Performers, Recogniti
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
 from kinespace.stream.recognizer.joints import BELIEVED_AFTER, HELD, SAME_PLACE, Joints, Plausibility, steps_of
-from kinespace.stream.recognizer.settings import threshold_for, usual_sensitivity
+from kinespace.stream.recognizer.settings import sensitivity_for, threshold_for
 from kinespace.tools.feeding.feed import resampled
 
 RATE = 30.0
@@ -263,19 +263,19 @@ def test_a_body_is_decided_on_after_seconds_of_movement(small_library: MotionLib
     """The library's own body is like it, another or a trembling one is not, a still one is not decided on."""
     recognizer = Recognizer(small_library)
     _played_for(recognizer, squat.positions, 2.0)
-    assert recognizer.unlike is None
+    assert recognizer.fitting.unlike is None
     _played_for(recognizer, squat.positions, 2.0, 2.0)
-    assert recognizer.unlike is False
+    assert recognizer.fitting.unlike is False
     recognizer.reset()
     _played_for(recognizer, np.repeat(_short_thighs(squat)[:1], 2, axis=0), 10.0)
-    assert recognizer.unlike is None
+    assert recognizer.fitting.unlike is None
     _played_for(recognizer, _short_thighs(squat), 10.0, 10.0)
-    assert recognizer.unlike is True
+    assert recognizer.fitting.unlike is True
     recognizer.reset()
     there_and_back = np.concatenate([squat.positions, squat.positions[::-1]])
     noise = np.random.default_rng(3).standard_normal(there_and_back.shape)
     _played_for(recognizer, there_and_back + 0.04 * noise, 7.0)
-    assert recognizer.unlike is True
+    assert recognizer.fitting.unlike is True
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -352,7 +352,7 @@ def test_another_kind_of_feed_is_said_in_one_line(small_library: MotionLibrary, 
 def test_a_library_of_several_before_cameras_names_less(films: MotionLibrary) -> None:
     """One person's does not, and neither does one of both kinds."""
     assert len(films.actors) > 1
-    assert usual_sensitivity(films) == 0.025
-    assert usual_sensitivity(films.restricted_to(JOINTS[:8])) == 0.2
+    assert sensitivity_for(films, Settings()) == 0.025
+    assert sensitivity_for(films.restricted_to(JOINTS[:8]), Settings()) == 0.2
     one = films.without(actors=films.actors[1:])
-    assert usual_sensitivity(one) > 0.1
+    assert sensitivity_for(one, Settings()) > 0.1

@@ -38,7 +38,7 @@ from kinespace.stream.recognizer.decision import Decision, Events, Hysteresis
 from kinespace.stream.recognizer.done import Look
 from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.recognizer import answers_to
-from kinespace.stream.recognizer.settings import index_for, needed_lead, usual_sensitivity
+from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
 from kinespace.stream.recognizer.window import Window
 from kinespace.tools.feeding.feed import resampled
 
@@ -378,12 +378,12 @@ def test_a_small_library_names_less_and_starts_later(
 ) -> None:
     """One motion of each class says little of what is unknown, as does one person; strangers say most."""
     library = MotionLibrary.of_clips([stick_clip("wave", actor=actor) for actor in actors])
-    assert usual_sensitivity(library) == sensitivity
+    assert sensitivity_for(library, Settings()) == sensitivity
     assert needed_lead(library, Settings()) == lead
     assert needed_lead(library, Settings(lead=2.0)) == 2.0
     assert needed_lead(library, Settings(PAPER)) == 3.0
     judged = builtin.without(actors=builtin.actors[len(actors) :])
-    assert (usual_sensitivity(judged), needed_lead(judged, Settings())) == (0.05, 3.0)
+    assert (sensitivity_for(judged, Settings()), needed_lead(judged, Settings())) == (0.05, 3.0)
 
 
 def test_a_library_is_opened_as_the_settings_compare_it(sticks: MotionLibrary) -> None:

@@ -100,4 +100,4 @@ def _decided(take: Take, index: WindowIndex) -> bool | None:
     some = [frame for frame in shown if clip.times[frame] < SOON][::step]
     for time, each in zip(clip.times[some], clip.positions[some], strict=True):
         recognizer.push(Frame("p", float(time), each))
-    return recognizer.unlike
+    return recognizer.fitting.unlike

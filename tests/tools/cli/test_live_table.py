@@ -15,9 +15,7 @@ from rich.console import Console
 
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.stream.recognition import Gone
-from kinespace.stream.recognizer import RecognizerCounts
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, PerformerCounts, RecognizerCounts, Status
 from kinespace.stream.teaching import State, Step
 from kinespace.tools.cli import live_table
 from kinespace.tools.cli.console import csv_text, log_as, note, say

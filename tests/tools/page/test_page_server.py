@@ -33,8 +33,7 @@ from kinespace.library import MotionLibrary, Skeleton
 from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
 from kinespace.stream.inputs import ZmqDecoder
 from kinespace.stream.recognition import Classes, Gone
-from kinespace.stream.recognizer.performers import PerformerCounts
-from kinespace.stream.status import InputCounts, Status
+from kinespace.stream.status import InputCounts, PerformerCounts, Status
 from kinespace.stream.zeromq import messages as zeromq_answers
 from kinespace.stream.zeromq.messages import encode_body
 from kinespace.tools.cli.arguments import BUILT_IN

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 from collections.abc import Callable
 
 #: Some systems have SIGHUP (the terminal was closed), Windows has SIGBREAK.
@@ -26,6 +27,13 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
     for number in _signals():
         signal.signal(number, lambda *_: stop())
     check_interrupted()
+
+
+def end_wanted() -> Callable[[], bool]:
+    """Let every such signal end the program at its next question: give the question, whether one has come."""
+    ended = threading.Event()
+    stop_on_signals(ended.set)
+    return ended.is_set
 
 
 def _interrupt(*_: object) -> None:

@@ -9,7 +9,7 @@ confusion matrices.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from itertools import combinations
 from pathlib import Path
@@ -142,10 +142,13 @@ def _scored(clips: Sequence[Clip], found: Retrieval, labels: Labels) -> dict[str
 
 def _of_splits(products: NDArray[np.floating], labels: Labels, protocol: Protocol) -> dict[str, Any]:
     """Give the mean and the worst of five actors' ten splits."""
-    ten = splits(set(labels.actors.tolist())) if protocol is Protocol.SPLIT else []
-    shares = {actors: retrieve(products, labels, candidates(labels, protocol, actors)).nearest for actors in ten}
-    if not shares:
+    actors = sorted({*labels.actors.tolist()})
+    if protocol is not Protocol.SPLIT or len(actors) != _ACTORS:
         return {"splits": None}
+    shares = dict[tuple[str, ...], float]()
+    for library in combinations(actors, len(SPLIT_LIBRARY_ACTORS)):
+        found = retrieve(products, labels, candidates(labels, protocol, library))
+        shares[library] = float(found.right[:, 0].mean())
     worst = min(shares, key=shares.__getitem__)
     return {"splits": {"mean": float(np.mean([*shares.values()])), "worst": shares[worst], "worst_library": worst}}
 
@@ -280,11 +283,6 @@ class Retrieval(NamedTuple):
         one, both = [1.0] * len(self.right), zip(("nearest", "two_nearest"), self.right.T.tolist(), strict=True)
         return {name: Ratio(right, one) for name, right in both}
 
-    @property
-    def nearest(self) -> float:
-        """The first of the shares, 0 to 1."""
-        return float(self.right[:, 0].mean())
-
     def confusion(self, labels: Labels) -> tuple[list[str], NDArray[np.float64]]:
         """Give the classes that asked or were found, and the paper's figure 2 of them, shape (classes, classes).
 
@@ -317,11 +315,6 @@ def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:
     if not clip.rotations.shape[1]:
         raise ValueError(f"space: clip {clip.name!r} has no rotations")
     return clip.rotations
-
-
-def splits(actors: Collection[str]) -> list[tuple[str, ...]]:
-    """List all libraries of three of five actors, which the other two actors ask; empty for other numbers of actors."""
-    return list(combinations(sorted(actors), len(SPLIT_LIBRARY_ACTORS))) if len(actors) == _ACTORS else []
 
 
 def candidates(

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -532,38 +532,27 @@ def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
     return {"seconds": float(sum(seconds)), "segments": len(seconds), "persons": known}
 
 
-@dataclass(frozen=True, eq=False)
-class StreamScore:
+class StreamScore(NamedTuple):
     """How right the answers to some takes were.
 
     Attributes
     ----------
     figures
         By name; `tables_of` says of each what it is. Shares are 0 to 1.
-    classes
-        Of each class performed, the seconds, and the shares of its time guessed right, and right with the last second
-        inside the segment.
-    known, unknown, containing
-        The basis of the figures of known motions, of unknown motions, and of `takes_found` (segments are takes for the
-        last). A segment that several libraries were asked about counts once.
+    described
+        `classes`: of each class performed, the seconds, and the shares of its time guessed right, and right with the
+        last second inside the segment. `known`, `unknown`, `containing`: the basis of the figures of known motions, of
+        unknown motions, and of `takes_found` (segments are takes for the last). A segment that several libraries were
+        asked about counts once.
     """
 
     figures: Mapping[str, Figure]
-    classes: dict[str, dict[str, float]] = field(repr=False)
-    known: Basis
-    unknown: Basis
-    containing: Basis
-
-    @cached_property
-    def values(self) -> dict[str, float | None]:
-        """The value of each figure; None where there is nothing to take a share of."""
-        return values_of(self.figures)
+    described: Mapping[str, Mapping[str, Any]]
 
     def as_json(self, *, by_person: bool = False) -> dict[str, Any]:
         """Give values, classes, bases, and the 95 % interval of each figure (`Figure.interval`)."""
-        bases = {"known": self.known, "unknown": self.unknown, "containing": self.containing}
         intervals = intervals_of(self.figures, by_person=by_person)
-        return {**self.values, "classes": self.classes, **bases, "intervals": intervals}
+        return {**values_of(self.figures), **self.described, "intervals": intervals}
 
 
 def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
@@ -604,7 +593,8 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
     }
     of_classes = sorted(_grouped(of_known, "truth"), key=lambda own: own[0].truth)
     by_class = {classes[own[0].truth]: _score_of_class(_grouped(own, "key")) for own in of_classes}
-    return StreamScore(figures, by_class, _basis(known), _basis(unknown), _basis(containing))
+    bases = {"known": _basis(known), "unknown": _basis(unknown), "containing": _basis(containing)}
+    return StreamScore(figures, {"classes": by_class, **bases})
 
 
 def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
@@ -689,22 +679,22 @@ _CLASSES = "class {name} | seconds {seconds:.1f} | right {right:.1%} | right, la
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
-def tables_of(score: StreamScore, found: Mapping[str, Any], headed: str) -> Iterator[Table]:
+def tables_of(found: Mapping[str, Any], headed: str) -> Iterator[Table]:
     """Draw what `StreamScore.as_json` has found: figures, intervals (below `headed`), basis, each class's result."""
     rows = list[tuple[str, ...]]()
     for heading, basis, unit, figures in (
-        ("known motions", score.known, "segment", _KNOWN),
-        ("unknown motions", score.unknown, "segment", _UNKNOWN),
-        ("takes that contain a class", score.containing, "take", _CONTAINING),
-        ("whole takes", score.known, "", _WHOLE),
+        ("known motions", found["known"], "segment", _KNOWN),
+        ("unknown motions", found["unknown"], "segment", _UNKNOWN),
+        ("takes that contain a class", found["containing"], "take", _CONTAINING),
+        ("whole takes", found["known"], "", _WHOLE),
     ):
         if basis["segments"]:
             rows.append((f"{heading}: {rests_on(basis, unit)}" if unit else heading,))
             for name, (text, form) in figures.items():
                 rows.append((f"  {text}", written(found[name], form), interval(found["intervals"][name], form)))
     yield table_of("Answers against the motion performed at that moment", ("", "", headed), rows)
-    if score.classes:
-        yield scores_of(({"name": name, **each} for name, each in score.classes.items()), _CLASSES, title="By class")
+    if classes := found["classes"]:
+        yield scores_of(({"name": name, **each} for name, each in classes.items()), _CLASSES, title="By class")
 
 
 def table_of_persons(

@@ -26,7 +26,7 @@ from kinespace.tools.camera.bodies import Bodies, landmark_names, require_extra,
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.console import say
-from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.entry import end_wanted
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, FrameStream, OscFrameSender, ZmqFrameSender
 
@@ -54,9 +54,7 @@ def run(options: argparse.Namespace) -> None:
         fetched(say)
         return
     plan = made_of(CameraPlan, options, osc=options.osc or (None if options.zmq else OSC_IN))
-    ended = threading.Event()
-    stop_on_signals(ended.set)
-    say(str(watch(plan, say, ended.is_set)))
+    say(str(watch(plan, say, end_wanted())))
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,7 +188,7 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, 
     """Play the motions, and draw the table after answers where there is a terminal."""
     pace, patience = Pace(), _PATIENCE
     for cue in cues:
-        packet = sender.encode(cue)
+        packet = sender.encode(cue.frame)
         if show.take_in(listener.listen_until(pace.moment(cue.due))) and live:
             # Right after an answer, drawing delays no frame.
             live.update(show.table(console.width), refresh=True)

@@ -33,6 +33,7 @@ from kinespace.tools.evaluation.scores import (
     RocArea,
     course_of,
     score_courses,
+    values_of,
 )
 from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
@@ -65,10 +66,11 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
         replace(empty, name="three", published=once, contains=()),
     ]
     score = score_courses(takes, CLASSES, 1.0)
-    assert score.values["takes_found"] == pytest.approx(1 / 3)
-    assert score.containing == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
-    assert (score.known["segments"], score.unknown["segments"]) == (0, 0)
-    assert score.values["frame_accuracy"] is None
+    values = values_of(score.figures)
+    assert values["takes_found"] == pytest.approx(1 / 3)
+    assert score.described["containing"] == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
+    assert (score.described["known"]["segments"], score.described["unknown"]["segments"]) == (0, 0)
+    assert values["frame_accuracy"] is None
 
 
 # --- against the twin --------------------------------------------------------------------------------------------
@@ -123,10 +125,11 @@ def test_any_course_is_scored_as_a_walk_through_its_moments(
     courses = [replace(course, name=f"{place}") for place, course in enumerate(courses)]
     walked, score = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
     exact = naive_score.stream_score(walked, window, LASTING)
-    assert score.values.keys() == exact.keys()
+    values = values_of(score.figures)
+    assert values.keys() == exact.keys()
     for name, value in exact.items():
-        assert score.values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
-    for name, found in score.classes.items():
+        assert values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
+    for name, found in score.described["classes"].items():
         own = [moment for take in walked for moment in take if moment.truth == CLASSES.index(name)]
         inside = [moment for moment in own if moment.time - window >= moment.start]
         shares = [naive_score.time_share(lambda m: m.guess == m.truth, each) for each in (own, inside)]

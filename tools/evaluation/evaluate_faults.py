@@ -18,8 +18,7 @@ from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import settings_of, several
 from kinespace.tools.cli.console import progress, scores_of, tell
-from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Feed, Take
+from kinespace.tools.evaluation.harness import INSIDE, Feed, Take, add_asked, asked_of, pushed
 from kinespace.tools.evaluation.scores import Ratio, basis_of, counted_in, rests_on, values_of
 
 #: What becomes of a feed's frames.
@@ -167,17 +166,17 @@ class _Played(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_asked(parser)
+    add_asked(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"
     parser.add_argument("--fault", **several(str, "FAULT"), choices=[*FAULTS], help=text)
 
 
 def run(options: argparse.Namespace) -> None:
     """Play every take with every fault, and print what was answered."""
-    settings, (asked, _) = settings_of(options), harness.asked_of(options)
+    settings, (asked, _) = settings_of(options), asked_of(options)
     played: dict[str, list[_Played]] = {fault: [] for fault in options.fault or FAULTS}
     for each in progress(asked, "Playing", len(asked)):
-        sound = harness.Feed.of(each.take.clip, each.library.skeleton, each.take.delivered)
+        sound = Feed.of(each.take.clip, each.library.skeleton, each.take.delivered)
         step = max(1, round(each.take.clip.frame_rate / _RATE))
         sound = sound._replace(times=sound.times[::step], positions=sound.positions[::step])
         for fault, of_fault in played.items():
@@ -189,10 +188,10 @@ def run(options: argparse.Namespace) -> None:
     tell(options, {"faults": scores}, table)
 
 
-def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Settings) -> _Played:
+def _played(take: Take, feed: Feed, library: MotionLibrary, settings: Settings) -> _Played:
     """Play a take with a fault; an alarm is a new note on joints, or an answer without joints."""
     recognizer, answers, alarms, note = Recognizer(library, settings), [], [], ""
-    for time, answer in harness.pushed(recognizer, feed):
+    for time, answer in pushed(recognizer, feed):
         if recognizer.doubt != note or (answer and answer.is_doubted):
             note = recognizer.doubt
             alarms.append(time)
@@ -200,7 +199,7 @@ def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Se
             answers.append(answer)
     begun, ended = feed.times[[0, -1]].tolist()
     noticed = alarms[0] - begun if alarms else None
-    counts = counted_in(take, library.classes, answers, harness.INSIDE)
+    counts = counted_in(take, library.classes, answers, INSIDE)
     return _Played(take, counts, noticed, len({*map(int, alarms)}), ended - begun)
 
 

@@ -21,7 +21,7 @@ from kinespace.stream import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP
 from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.cli.console import progress, scores_of, tell
-from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.harness import Feed, pushed
 
 #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
 Estimate = NDArray[np.float64]
@@ -114,8 +114,8 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
 def _estimate(played: _Played, index: WindowIndex) -> Estimate:
     """Get phase and speed at every step at which the class performed was named."""
     times = np.arange(len(played.positions), dtype=np.float64) * STEP
-    feed = harness.Feed(times, played.positions, index.library.skeleton)
-    answers = [answer for _, answer in harness.pushed(Recognizer(index, Settings(progress=True)), feed)]
+    feed = Feed(times, played.positions, index.library.skeleton)
+    answers = [answer for _, answer in pushed(Recognizer(index, Settings(progress=True)), feed)]
     named = [each and each.class_name == played.clip.class_name and each.progress for each in answers]
     return np.array([(each.phase, each.speed) if each else (np.nan, np.nan) for each in named]).T
 

@@ -19,8 +19,7 @@ from kinespace.stream.teaching.movement import moved_in
 from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
-from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Take
+from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at
 from kinespace.tools.evaluation.scores import Percentile, Ratio, values_of
 from kinespace.tools.feeding.feed import resampled
 
@@ -67,7 +66,7 @@ class Reply(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the built-in library's motions")
+    add_sources(parser, "the built-in library's motions")
     parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
     parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
@@ -81,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw examples, teach them, let other motions ask, and print how right the first start events were."""
-    takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
+    takes = takes_at(options, MotionLibrary.builtin())
     by_person = _motions(takes, options)
     if strange := {*options.teachers} - {*by_person}:
         raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
@@ -140,7 +139,7 @@ def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:
     """Give each person's motions, over the joints that the built-in library has, too: its persons teach the metrics."""
     by_person = defaultdict[str, list["Motion"]](list)
-    joints = harness.shared_joints([*(take.clip.skeleton for take in takes), MotionLibrary.builtin().skeleton])
+    joints = shared_joints([*(take.clip.skeleton for take in takes), MotionLibrary.builtin().skeleton])
     for take in takes:
         for clip in take.motions():
             actor = clip.actor or options.person
@@ -203,7 +202,7 @@ def _some(clips: Sequence[Clip], classes: Sequence[str], most: int, generator: n
 
 def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
     """Push a motion through the recogniser, and keep its start events."""
-    answers = harness.answers_to(harness.Feed.of(motion, index.library.skeleton), index, settings)
+    answers = answers_to(Feed.of(motion, index.library.skeleton), index, settings)
     starts = [event for each in answers for event in each.events if event.kind is EventKind.START]
     named = sum(answer.outcome is Outcome.NAMED for answer in answers)
     delay = starts[0].time if starts else np.nan

@@ -32,9 +32,8 @@ from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import NOT_JUDGED, averaged
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import progress, require_place_for, scores_of, tell
-from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
-from kinespace.tools.evaluation.harness import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Feed, Sources, Take, answers_to, read_takes
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1
@@ -355,9 +354,9 @@ def _windows(
     index: WindowIndex, clip: Clip, noise: float = 0.0, seed: int | None = None, begun: float = 0.0
 ) -> Evidenced:
     """Push a clip through the recogniser, as a noisy sensor sees it if asked; give its windows from a time on."""
-    feed = harness.Feed.of(clip, index.library.skeleton)
+    feed = Feed.of(clip, index.library.skeleton)
     feed = feed if seed is None else noisy(noise)(feed, np.random.default_rng(seed))
-    answers = harness.answers_to(feed, index, Settings(hop=_HOP))
+    answers = answers_to(feed, index, Settings(hop=_HOP))
     return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence and each.time >= begun]
 
 

@@ -19,7 +19,7 @@ from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import settings_of, several
 from kinespace.tools.cli.console import progress, scores_of, tell
 from kinespace.tools.evaluation.harness import INSIDE, Feed, Take, add_asked, asked_of, pushed
-from kinespace.tools.evaluation.scores import Ratio, basis_of, counted_in, rests_on, values_of
+from kinespace.tools.evaluation.scores import basis_of, counted_in, rests_on
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]
@@ -205,16 +205,14 @@ def _played(take: Take, feed: Feed, library: MotionLibrary, settings: Settings) 
 
 def _scored(fault: str, played: Sequence[_Played]) -> dict[str, object]:
     """Give the shares of one fault; the seconds until it was noticed in the slowest take, and the seconds of alarm."""
-    counts = [each.counts for each in played]
+    counts = sum((each.counts for each in played), Counter[str]())
     noticed = [each.noticed for each in played if each.noticed is not None]
     basis = basis_of([each.seconds for each in played], [each.take.person for each in played])
-    counted = {name: [each[name] for each in counts] for name in (*_SHARES, *_SHARES.values())}
-    shares = {name: Ratio(counted[name], counted[whole]) for name, whole in _SHARES.items()}
     basis["segments"] = sum(len(each.take.segments) for each in played)
     return {
         "fault": fault,
-        "answers": sum(each["answers"] for each in counts),
-        **values_of(shares),
+        "answers": counts["answers"],
+        **{name: counts[name] / counts[whole] if counts[whole] else None for name, whole in _SHARES.items()},
         "noticed_s": max(noticed) if len(noticed) == len(played) else None,
         "alarmed": sum(each.alarmed for each in played),
         **basis,

@@ -227,25 +227,21 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     return np.array(means, dtype=np.float16)
 
 
-class _Body(NamedTuple):
-    """What takes and a library's own motions show with some of the joints; evidence is relative to what is typical."""
+def _seen_of(
+    library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]
+) -> tuple[list[Lesson], list[_Course], list[_Course]]:
+    """Let a library of some of the joints recognise its own motions, takes, and takes that have no other joints.
 
-    own: list[Lesson]
-    courses: list[_Course]
-    #: The courses of takes that have no other joints.
-    fewer: list[_Course]
-
-    @classmethod
-    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> "_Body":
-        """Let takes, and takes that have no other joints, be recognised."""
-        opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
-        typical = opened.rejection.typical
-        every = progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
-        clips = ((take, take.clip.restricted_to(library.skeleton.joints)) for take in every)
-        shown = [_Course(take, _relative(_windows(opened, clip), typical)) for take, clip in clips]
-        lessons = _own_lessons(_own_courses(library, follow=False))
-        own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
-        return cls(own, shown[len(fewer) :], shown[: len(fewer)])
+    Evidence is relative to what is typical.
+    """
+    opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
+    typical = opened.rejection.typical
+    every = progress([*takes, *fewer], "Fewer joints", len(takes) + len(fewer))
+    clips = ((take, take.clip.restricted_to(library.skeleton.joints)) for take in every)
+    shown = [_Course(take, _relative(_windows(opened, clip), typical)) for take, clip in clips]
+    lessons = _own_lessons(_own_courses(library, follow=False))
+    own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
+    return own, shown[: len(takes)], shown[len(takes) :]
 
 
 def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> Rejection:
@@ -260,22 +256,20 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     takes, fewer
         Takes with all joints of the library, and takes of bodies with fewer.
     """
-    groups, everyone = len(ACROSS_LABORATORIES.groups), library.skeleton.joints
-    by_joints: defaultdict[tuple[str, ...], list[Take]] = defaultdict(list)
+    by_joints = defaultdict[tuple[str, ...], list[Take]](list)
     for take in fewer:
-        by_joints[tuple(name for name in everyone if name in take.clip.skeleton.joints)].append(take)
+        by_joints[tuple(name for name in library.skeleton.joints if name in take.clip.skeleton.joints)].append(take)
     most = max(map(len, by_joints))
     # Where a file has numbers for few joints, evidence is relative to these motions: the numbers do not matter here.
     judged = replace(library, learned=replace(_NOTHING_LEARNED, joints=most).kept(few=True))
-    bodies = [_Body.of(judged.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
-
-    shown = [[*body.courses, *body.fewer] for body in bodies]
+    bodies = [_seen_of(judged.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
+    shown = [[*courses, *of_fewer] for _, courses, of_fewer in bodies]
 
     def fit(persons: Collection[str] = ()) -> Rejection:
         lessons = list[Lesson]()
-        for own, *several in bodies:
-            lessons += [*own, *(lesson for courses in several for lesson in _lessons(courses, persons))]
-        return fitted(lessons, library.classes, np.zeros(2 * groups))
+        for own, courses, of_fewer in bodies:
+            lessons += [*own, *_lessons(courses, persons), *_lessons(of_fewer, persons)]
+        return fitted(lessons, library.classes, np.zeros(_SHAPE))
 
     apart = _fitted_apart([each for courses in shown for each in courses], fit)
     of_bodies = [[(each, fit) for each, fit in apart if each in courses] for courses in shown]

@@ -82,8 +82,8 @@ class Ratio(Figure):
         A factor on the quotient.
     """
 
-    counted: Sequence[float]
-    among: Sequence[float]
+    counted: Sequence[float] | NDArray[np.float64]
+    among: Sequence[float] | NDArray[np.float64]
     scale: float = 1.0
 
     def of(self, draw: Draw) -> NDArray[np.float64]:

@@ -285,15 +285,12 @@ def score_words(takes: Sequence[Heard]) -> dict[str, dict[str, Any]]:
     """
     scores, persons = dict[str, dict[str, "Any"]](), [[each.person for each in takes]]
     for kind in KINDS:
-        right, false, missed = (
-            [count(each, kind) for each in takes] for count in (Heard.right, Heard.false, Heard.missed)
-        )
-        words, gestures = ([a + b for a, b in zip(right, each, strict=True)] for each in (false, missed))
-        twice, both = [2 * each for each in right], [a + b for a, b in zip(words, gestures, strict=True)]
+        counts = [(each.right(kind), each.false(kind), each.missed(kind)) for each in takes]
+        right, false, missed = np.array(counts, dtype=np.float64).reshape(-1, 3).T
         figures: dict[str, Figure] = {
-            "f1": Ratio(twice, both, persons=persons),
-            "found": Ratio(right, gestures, persons=persons),
-            "right": Ratio(right, words, persons=persons),
+            "f1": Ratio(2 * right, 2 * right + false + missed, persons=persons),
+            "found": Ratio(right, right + missed, persons=persons),
+            "right": Ratio(right, right + false, persons=persons),
             "false_per_hour": Ratio(false, [each.seconds for each in takes], 3600, persons=persons),
             "delay_s": Percentile([each.delays(kind) for each in takes], 50, persons=persons),
         }

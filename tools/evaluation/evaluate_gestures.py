@@ -19,7 +19,7 @@ from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, report_path, settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at, written
-from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, rests_on, write_rows
+from kinespace.tools.evaluation.scores import basis_of, interval, ratio, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -135,7 +135,7 @@ def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, capt
     """Print the scores of all takes together, write the words; `further` is for JSON."""
     scores, basis = score_words(heard), basis_of([each.seconds for each in heard], [each.person for each in heard])
     basis["segments"] = sum(each.asked for each in heard)
-    so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
+    so_far = ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
         require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))

@@ -23,7 +23,7 @@ from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
-from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, intervals_of, values_of, write_rows
+from kinespace.tools.evaluation.scores import Figure, basis_of, interval, intervals_of, ratio, values_of, write_rows
 
 _COLUMNS = (
     "compared {space} {signature} | protocol {protocol} | motions {motions} | nearest {nearest:.1%} | 95 % {sure} | "
@@ -275,13 +275,13 @@ class Retrieval(NamedTuple):
     right: NDArray[np.bool_]
 
     @property
-    def shares(self) -> dict[str, Ratio]:
+    def shares(self) -> dict[str, Figure]:
         """The shares of the motions that asked whose nearest, or one of whose two nearest, is of their class.
 
         The latter is the paper's 2-nearest-neighbour rate.
         """
         one, both = [1.0] * len(self.right), zip(("nearest", "two_nearest"), self.right.T.tolist(), strict=True)
-        return {name: Ratio(right, one) for name, right in both}
+        return {name: ratio(right, one) for name, right in both}
 
     def confusion(self, labels: Labels) -> tuple[list[str], NDArray[np.float64]]:
         """Give the classes that asked or were found, and the paper's figure 2 of them, shape (classes, classes).

@@ -20,7 +20,7 @@ from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at
-from kinespace.tools.evaluation.scores import Percentile, Ratio, values_of
+from kinespace.tools.evaluation.scores import Figure, percentile, ratio, values_of
 from kinespace.tools.feeding.feed import resampled
 
 #: A motion, and the name of the recording that it was cut from.
@@ -220,13 +220,13 @@ def _strangers(asked: Sequence[Clip], taught: WindowIndex, examples: Sequence[in
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
 
 
-def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Ratio]:
+def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Figure]:
     """Give the figures of motions whose class was left out, which are named by mistake."""
     named, answers = [each.named for each in asked], [each.answers for each in asked]
     starts, seconds = [len(each.classes) for each in asked], [each.motion.duration for each in asked]
     return {
-        f"{prefix}unknown_named": Ratio(named, answers),
-        f"{prefix}unknown_starts_per_minute": Ratio(starts, seconds, 60),
+        f"{prefix}unknown_named": ratio(named, answers),
+        f"{prefix}unknown_starts_per_minute": ratio(starts, seconds, 60),
     }
 
 
@@ -275,11 +275,11 @@ def scored(
             false, seconds = [each.false_starts for each in asked], [each.motion.duration for each in asked]
             values = values_of(
                 {
-                    f"{whose}_first_right": Ratio(right, one),
-                    f"{whose}_started": Ratio(started, one),
-                    f"{whose}_first_right_of_started": Ratio(right, started),
-                    f"{prefix}delay_s": Percentile([[each.delay] for each in asked if each.right], 50),
-                    f"{prefix}false_per_minute": Ratio(false, seconds, 60),
+                    f"{whose}_first_right": ratio(right, one),
+                    f"{whose}_started": ratio(started, one),
+                    f"{whose}_first_right_of_started": ratio(right, started),
+                    f"{prefix}delay_s": percentile([[each.delay] for each in asked if each.right], 50),
+                    f"{prefix}false_per_minute": ratio(false, seconds, 60),
                     **(_of_unknown(replies.get((f"unknown {whose}", count), []), prefix) if left_out else {}),
                 }
             )

@@ -7,7 +7,6 @@ other persons, persons are drawn in place of units, each with all that is theirs
 """
 
 import csv
-from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -39,21 +38,20 @@ _ENDS = (2.5, 97.5)
 Interval = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Figure(ABC):
+@dataclass(frozen=True, slots=True)
+class Figure:
     """A figure computed from units.
 
     Attributes
     ----------
+    of
+        Gives the figure of each draw, shape (draws,); NaN for a draw without units for it.
     persons
         For each kind of units the person of each unit; empty where persons do not matter.
     """
 
+    of: Callable[[Draw], NDArray[np.float64]]
     persons: Sequence[Sequence[str]] = ()
-
-    @abstractmethod
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Give the figure of each draw, shape (draws,); NaN for a draw without units for it."""
 
     def value(self) -> float | None:
         """Give the figure of all units; None when there are no units for it."""
@@ -70,72 +68,60 @@ class Figure(ABC):
         return low, high
 
 
-@dataclass(frozen=True, slots=True)
-class Ratio(Figure):
-    """One sum over units divided by another: a share, or a rate.
+#: Numbers, one of each unit.
+Numbers = Sequence[float] | NDArray[np.float64]
 
-    Attributes
-    ----------
-    counted, among
-        The numbers of each unit.
-    scale
-        A factor on the quotient.
+
+def ratio(counted: Numbers, among: Numbers, scale: float = 1.0, *, persons: Sequence[Sequence[str]] = ()) -> Figure:
+    """Divide one sum over units by another, for a share or a rate; `scale` is a factor on the quotient."""
+
+    def of(draw: Draw) -> NDArray[np.float64]:
+        drawn = draw(len(among), 0)
+        above, below = (drawn @ np.asarray(each, dtype=np.float64) for each in (counted, among))
+        return scale * _quotient(above, below)
+
+    return Figure(of, persons)
+
+
+def percentile(values: Sequence[Sequence[float]], percent: float, *, persons: Sequence[Sequence[str]] = ()) -> Figure:
+    """Take a percentile of values; each unit has none, one or several values."""
+
+    def of(draw: Draw) -> NDArray[np.float64]:
+        every = np.array([value for each in values for value in each], dtype=np.float64)
+        unit = np.repeat(np.arange(len(values)), [len(each) for each in values])
+        counts = draw(len(values), 0).astype(np.intp)[:, unit]
+        return np.array([np.percentile(np.repeat(every, n), percent) if n.any() else np.nan for n in counts])
+
+    return Figure(of, persons)
+
+
+#: The values of each unit, finite, any number of them.
+Values = Sequence[NDArray[np.float64]]
+
+
+def roc_area(higher: Values, lower: Values, *, persons: Sequence[Sequence[str]] = ()) -> Figure:
+    """Give the probability that a value of the first units is above one of the second, ties counting half.
+
+    Both kinds of units are drawn by themselves (Mann-Whitney).
     """
 
-    counted: Sequence[float] | NDArray[np.float64]
-    among: Sequence[float] | NDArray[np.float64]
-    scale: float = 1.0
+    def of(draw: Draw) -> NDArray[np.float64]:
+        first, second = draw(len(higher), 0), draw(len(lower), 1)
+        pairs = (first @ [*map(len, higher)]) * (second @ [*map(len, lower)])
+        return _quotient(((first @ _wins(higher, lower)) * second).sum(axis=1), pairs)
 
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Divide the sums over each draw."""
-        drawn = draw(len(self.among), 0)
-        counted, among = (drawn @ np.asarray(each, dtype=np.float64) for each in (self.counted, self.among))
-        return self.scale * _quotient(counted, among)
+    return Figure(of, persons)
 
 
-@dataclass(frozen=True, slots=True)
-class Percentile(Figure):
-    """A percentile of values; each unit has none, one or several values."""
-
-    values: Sequence[Sequence[float]]
-    percent: float
-
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Take the percentile of the values of each draw."""
-        values = np.array([value for each in self.values for value in each], dtype=np.float64)
-        unit = np.repeat(np.arange(len(self.values)), [len(each) for each in self.values])
-        counts = draw(len(self.values), 0).astype(np.intp)[:, unit]
-        return np.array([np.percentile(np.repeat(values, n), self.percent) if n.any() else np.nan for n in counts])
-
-
-@dataclass(frozen=True, slots=True)
-class RocArea(Figure):
-    """The probability that a value of the first units is above one of the second, ties counting half (Mann-Whitney).
-
-    Attributes
-    ----------
-    higher, lower
-        The values of each unit, finite, any number of them.
-    """
-
-    higher: Sequence[NDArray[np.float64]]
-    lower: Sequence[NDArray[np.float64]]
-
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Compare the values of each draw, both kinds drawn by themselves."""
-        first, second = draw(len(self.higher), 0), draw(len(self.lower), 1)
-        pairs = (first @ [*map(len, self.higher)]) * (second @ [*map(len, self.lower)])
-        return _quotient(((first @ self._wins()) * second).sum(axis=1), pairs)
-
-    def _wins(self) -> NDArray[np.float64]:
-        """Count for each two units in how many pairs of their values the first is above, shape (higher, lower)."""
-        edges = np.cumsum([0, *map(len, self.higher)])
-        together = np.concatenate([np.zeros(0), *self.higher])
-        wins = np.zeros((len(self.higher), len(self.lower)))
-        for column, each in zip(wins.T, map(np.sort, self.lower), strict=True):
-            below = np.searchsorted(each, together, side="left") + np.searchsorted(each, together, side="right")
-            column[:] = np.diff(np.append(0.0, np.cumsum(below / 2))[edges])
-        return wins
+def _wins(higher: Values, lower: Values) -> NDArray[np.float64]:
+    """Count for each two units in how many pairs of their values the first is above, shape (higher, lower)."""
+    edges = np.cumsum([0, *map(len, higher)])
+    together = np.concatenate([np.zeros(0), *higher])
+    wins = np.zeros((len(higher), len(lower)))
+    for column, each in zip(wins.T, map(np.sort, lower), strict=True):
+        below = np.searchsorted(each, together, side="left") + np.searchsorted(each, together, side="right")
+        column[:] = np.diff(np.append(0.0, np.cumsum(below / 2))[edges])
+    return wins
 
 
 def _drawn(units: int, kind: int) -> NDArray[np.float64]:
@@ -584,7 +570,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         "unknown_answered": _ratio(unknown, lambda each: each.named, _seconds),
         "false_per_minute": _ratio(unknown, lambda each: each.begun, _seconds, 60),
         "false_starts_per_minute": _ratio(unknown, lambda each: each.started, _seconds, 60),
-        "auc_unknown": RocArea(_scores(known), _scores(unknown), persons=(_persons(known), _persons(unknown))),
+        "auc_unknown": roc_area(_scores(known), _scores(unknown), persons=(_persons(known), _persons(unknown))),
         "takes_found": _ratio(containing, _found, lambda each: len(each.contains)),
         "changes_per_minute": _ratio(takes, lambda each: _changes(each.event), _seconds, 60),
         "true_changes_per_minute": _ratio(takes, lambda each: _changes(each.truth), _seconds, 60),
@@ -607,17 +593,17 @@ def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
 
 def _ratio(
     units: Sequence[Sequence[_Item]], counted: _Counted[_Item], among: _Counted[_Item], scale: float = 1
-) -> Ratio:
+) -> Figure:
     above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
-    return Ratio(above, below, scale, persons=(_persons(units),))
+    return ratio(above, below, scale, persons=(_persons(units),))
 
 
 def _percentile(
     units: Sequence[Sequence[Stretch]], measured: Callable[[Stretch], float | None], percent: float
-) -> Percentile:
+) -> Figure:
     """Take a percentile of a number over the stretches that have it."""
     values = [[value for each in unit if (value := measured(each)) is not None] for unit in units]
-    return Percentile(values, percent, persons=(_persons(units),))
+    return percentile(values, percent, persons=(_persons(units),))
 
 
 def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:

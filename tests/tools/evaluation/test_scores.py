@@ -27,10 +27,10 @@ from kinespace.tools.evaluation.scores import (
     NONE,
     Course,
     Figure,
-    Percentile,
-    Ratio,
-    RocArea,
     course_of,
+    percentile,
+    ratio,
+    roc_area,
     score_courses,
     values_of,
 )
@@ -411,7 +411,7 @@ def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
     """A percentile of drawn units is the percentile of all their values; a unit without values adds none."""
     generator = np.random.default_rng(seed)
     values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
-    figure = Percentile(values, percent)
+    figure = percentile(values, percent)
     exact = naive_score.percentile([each for unit in values for each in unit], percent)
     assert figure.value() == (None if exact is None else pytest.approx(exact))
     drawn = [naive_score.percentile(_repeated(values, counts), percent) for counts in naive_score.drawn_again(6, FIRST)]
@@ -427,7 +427,7 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
         [(generator.integers(0, 6, generator.integers(0, 4)) + shift).astype(float) for _ in range(4)]
         for shift in (1, 0)
     ]
-    figure = RocArea(*kinds)
+    figure = roc_area(*kinds)
     higher, lower = ([each.tolist() for each in kind] for kind in kinds)
     flat = [[value for each in kind for value in each] for kind in (higher, lower)]
     assert figure.value() == pytest.approx(naive_score.roc_area(*flat))
@@ -443,7 +443,7 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
 def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]]) -> None:
     """It is the quotient of the sums over what is drawn; a person, drawn as persons alone would be, has all units."""
     persons, counted, among = zip(*units, strict=True)
-    figure, everyone = Ratio(counted, among, 60.0, persons=(persons,)), sorted(set(persons))
+    figure, everyone = ratio(counted, among, 60.0, persons=(persons,)), sorted(set(persons))
     assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
     for by_person, of in (
         (False, [[each] for each in units]),
@@ -464,12 +464,12 @@ def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]])
 @pytest.mark.parametrize(
     "figure",
     [
-        Ratio([], []),
-        Ratio([0.0, 0.0], [0.0, 0.0]),
-        Percentile([[], []], 50),
-        RocArea([np.ones(3)], []),
-        RocArea([np.zeros(0)], [np.ones(2)]),
-        RocArea([np.ones(3)], [], persons=(["ann"], [])),
+        ratio([], []),
+        ratio([0.0, 0.0], [0.0, 0.0]),
+        percentile([[], []], 50),
+        roc_area([np.ones(3)], []),
+        roc_area([np.zeros(0)], [np.ones(2)]),
+        roc_area([np.ones(3)], [], persons=(["ann"], [])),
     ],
     ids=lambda figure: f"{figure}"[:30],
 )

@@ -32,6 +32,8 @@ from kinespace.tools.teaching.lessons import open_taught
 _RATE = 60.0
 #: Seconds of everyday movement between two gestures, at least; recordings are cut to as much.
 _EVERY = 25.0
+#: Positions, shape (frames, joints, 3), metres.
+Positions = NDArray[np.floating]
 #: When a word is right.
 _SPANS = {"done": Span(early=0.1, late=1.5), "start": Span(early=0.1, late=1.0)}
 
@@ -44,14 +46,17 @@ class Show(NamedTuple):
     positions: NDArray[np.float64]
     segments: Sequence[Segment]
 
+    @property
+    def gestures(self) -> set[str]:
+        """The classes that are taught."""
+        return {each.class_name for each in self.examples}
+
     def heard(self, answers: Sequence[Recognition]) -> Heard:
         """Match what is said with the gestures."""
         ends, starts = ({each: getattr(each, edge) for each in self.segments} for edge in ("end", "start"))
         since, seconds = {"done": ends, "start": starts}, len(self.positions) / _RATE
-        so_far, gestures = right_so_far(answers, ends), {each.class_name for each in self.examples}
-        said = {
-            kind: [each for each in words if each.class_name in gestures] for kind, words in said_in(answers).items()
-        }
+        so_far, taught = right_so_far(answers, ends), self.gestures
+        said = {kind: [each for each in words if each.class_name in taught] for kind, words in said_in(answers).items()}
         return Heard(self.performer, seconds, self.segments, said, _SPANS, since, so_far)
 
 
@@ -90,8 +95,7 @@ def run(options: argparse.Namespace) -> None:
         show = drawn(library, everyday, options, number)
         answers = played(show, settings, beside=options.beside)
         heard.append(show.heard(answers))
-        gestures = {each.class_name for each in show.examples}
-        named += [each.outcome is Outcome.NAMED and each.class_name in gestures for each in answers]
+        named += [each.outcome is Outcome.NAMED and each.class_name in show.gestures for each in answers]
     share = sum(named) / len(named) if named else None
     title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
     when = "delay: from a gesture's end to done, from its beginning to start"
@@ -184,7 +188,7 @@ def _laid(
     parents = examples[0].skeleton.parents
     lengths = np.mean([lengths_of(each.positions, parents) for each in examples], axis=0)
     movement = _movement(others, parents, lengths)
-    pieces, segments, begin, due = list["NDArray[np.floating]"](), list[Segment](), 0, _EVERY
+    pieces, segments, begin, due = list[Positions](), list[Segment](), 0, _EVERY
     while begin < seconds * _RATE:
         gesture = next(asked) if begin >= due * _RATE else None
         pieces.append(resampled(gesture, _RATE).positions if gesture else next(movement))
@@ -196,9 +200,7 @@ def _laid(
     return Show(performer, examples, joined(pieces, parents.index(-1)), segments)
 
 
-def _movement(
-    others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]
-) -> Iterator[NDArray[np.float64]]:
+def _movement(others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]) -> Iterator[Positions]:
     """Put recordings on the performer's bones, in pieces that leave room for gestures."""
     most = round(_EVERY * _RATE)
     for each in others:
@@ -210,7 +212,7 @@ def _movement(
 _BETWEEN = round(0.4 * _RATE)
 
 
-def lengths_of(positions: NDArray[np.floating], parents: Sequence[int]) -> NDArray[np.float64]:
+def lengths_of(positions: Positions, parents: Sequence[int]) -> NDArray[np.float64]:
     """Measure a body's segments: the mean distance of each joint from its parent, metres, 0 for the root.
 
     Parameters
@@ -226,9 +228,7 @@ def lengths_of(positions: NDArray[np.floating], parents: Sequence[int]) -> NDArr
     return lengths
 
 
-def on_bones(
-    positions: NDArray[np.floating], parents: Sequence[int], lengths: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def on_bones(positions: Positions, parents: Sequence[int], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     """Put a movement on another body: each segment keeps its direction and gets the body's length.
 
     The root's way is as much longer as the segments are together.
@@ -258,7 +258,7 @@ def turn(angle: float) -> NDArray[np.float64]:
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
-def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: int) -> NDArray[np.float64]:
+def facing(before: Positions, positions: Positions, root: int) -> NDArray[np.float64]:
     """Turn and move a piece about the vertical axis, y, so that it begins where a posture stands, facing as it does.
 
     Parameters
@@ -277,7 +277,7 @@ def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: 
     return moved
 
 
-def joined(pieces: Sequence[NDArray[np.floating]], root: int) -> NDArray[np.float64]:
+def joined(pieces: Sequence[Positions], root: int) -> NDArray[np.float64]:
     """Join pieces to one walk; in `_BETWEEN` frames one posture becomes the next, slowly first and last.
 
     Parameters

@@ -43,9 +43,7 @@ def positions() -> NDArray[np.float32]:
 def endless(positions: NDArray[np.floating], performer: str = "bench", begin: int = 0) -> Iterator[Frame]:
     """Play positions, shape (frames, joints, 3), metres, 120 times a second without end, from one of them on."""
     # Time 0 would mean "on arrival".
-    return (
-        Frame(performer, 1.0 + number / FRAME_RATE, positions[(begin + number) % len(positions)]) for number in count()
-    )
+    return (Frame(performer, 1.0 + k / FRAME_RATE, positions[(begin + k) % len(positions)]) for k in count())
 
 
 def crowd_cues(positions: NDArray[np.float32], seconds: float) -> tuple[list[Cue], int]:

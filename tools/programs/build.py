@@ -86,17 +86,14 @@ def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, 
     """
     classes, actors = {motion.class_name for motion in library.motions}, library.actors
     for name in without:
-        if name not in classes and name not in actors:
+        if name not in (*classes, *actors):
             listed = ", ".join((*sorted(classes), *actors))
             raise ValueError(f"--without: expected a class or a person ({listed}), got {name!r}")
     for name in names:
         if name not in classes - set(without):
             stays = " that stays" if name in classes else ""
             raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
-    left = library.without(
-        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
-    )
-    return left.renamed(names)
+    return library.without(classes={*without} & classes, actors={*without} & {*actors}).renamed(names)
 
 
 class _Recordings:

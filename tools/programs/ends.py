@@ -204,9 +204,8 @@ class Ends(ExitStack):
             # Last, because it may take another file's place.
             options.record.unlink(missing_ok=True)
             presets = {preset.name: preset.text} if preset else {}
-            self.recording = self._kept(
-                RawWriter(options.record, [source_name(each.place, fed) for each, fed in read], presets)
-            )
+            names = [source_name(each.place, fed) for each, fed in read]
+            self.recording = self._kept(RawWriter(options.record, names, presets))
         for index, (receiver, fed) in enumerate(read):
             source = self._kept(_source(receiver, fed, options.sender, self._admission))
             source.recorder = Recorder(self.recording, index) if self.recording else None

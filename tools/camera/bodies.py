@@ -164,13 +164,6 @@ _ONE_BODY = 0.4
 _MISSED, _MAX_WAY, _MAX_GROWN = 5.0, 1.0, 1.6
 
 
-class SeenBody(NamedTuple):
-    """A body in one picture, and its name."""
-
-    name: str
-    landmarks: Landmarks
-
-
 @dataclass(slots=True)
 class _Body:
     """Where a body was seen last, and when, seconds; whether it is followed now."""
@@ -206,8 +199,8 @@ class Bodies:
         self._bodies: dict[str, _Body] = {}
         self._next_look = -math.inf
 
-    def seen(self, picture: NDArray[np.uint8], time: float) -> list[SeenBody]:
-        """Find the bodies in the next picture (height, width, 3), taken at `time` seconds; in the order of names."""
+    def seen(self, picture: NDArray[np.uint8], time: float) -> dict[str, Landmarks]:
+        """Find the bodies in the next picture (height, width, 3), taken at `time` seconds, by name in their order."""
         found: dict[str, Landmarks] = {}
         for name, body in self._bodies.items():
             if body.is_here:
@@ -216,7 +209,7 @@ class Bodies:
         if len(found) < len(self._names) and (not found or time >= self._next_look):
             self._next_look = time + _LOOK_EVERY
             self._look(picture, time, found)
-        return [SeenBody(name, found[name]) for name in self._names if name in found]
+        return {name: found[name] for name in self._names if name in found}
 
     def _look(self, picture: NDArray[np.uint8], time: float, found: dict[str, Landmarks]) -> None:
         """Look at the whole picture for further bodies: those first that were lost a moment ago, then the largest."""
@@ -326,9 +319,9 @@ def film_clip(path: Path) -> Clip:
     times, positions = [], []
     with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
         for picture in pictures:
-            for each in bodies.seen(picture.pixels, picture.time):
+            for landmarks in bodies.seen(picture.pixels, picture.time).values():
                 times.append(picture.time)
-                positions.append(body_of(joints, upright(each.landmarks, picture.pixels)))
+                positions.append(body_of(joints, upright(landmarks, picture.pixels)))
     if len(times) < 2:
         raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
     even = evened(np.array(times), np.array(positions), begin=film.FIRST)

@@ -56,7 +56,8 @@ def run(options: argparse.Namespace) -> None:
         console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
     clips = _motions(options)
-    labels, ways = Labels.of_clips(clips), _ways(clips, options.signature)
+    labels = Labels(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
+    ways = _ways(clips, options.signature)
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
     protocols = [Protocol(options.protocol)] if options.protocol else _protocols(clips)
     if Protocol.LEAVE_ONE_OUT not in protocols and (unnamed := [clip.name for clip in clips if not clip.actor]):
@@ -171,10 +172,9 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
         | {"sure": interval(each["intervals"]["nearest"], "{:.0%}")}
         for each in scores
     ]
-    console.console.print(
-        f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')} by "
-        f"{console.counted(len(persons), 'person') if persons else 'unknown persons'}"
-    )
+    whose = console.counted(len(persons), "person") if persons else "unknown persons"
+    motions = f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')}"
+    console.console.print(f"{motions} by {whose}")
     title = "Of how many motions is the nearest neighbour of their class?"
     console.console.print(console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2))
 
@@ -247,11 +247,6 @@ class Labels(NamedTuple):
 
     classes: NDArray[np.str_]
     actors: NDArray[np.str_]
-
-    @classmethod
-    def of_clips(cls, clips: Sequence[Clip]) -> Labels:
-        """Take the labels of some clips."""
-        return cls(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
 
 
 class Retrieval(NamedTuple):

@@ -258,8 +258,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--sensitivity", type=share, help=text)
     parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")
-    text = "seconds between answers (default 1/30)"
-    parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help=text)
+    parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (1/30)")
     text = "say with each answer how far the motion is, how fast, how large; windows only"
     parser.add_argument("--progress", action="store_true", help=text)
     text = (

@@ -365,8 +365,7 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
 def add_asked(parser: argparse.ArgumentParser) -> None:
     """Add the options for takes of all kinds, and for the library and the recogniser that are asked."""
     add_sources(parser, "the library's own motions")
-    text = "recordings, or folders, without known motions"
-    parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help=text)
+    parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help="takes, or folders, without known motions")
     arguments.add_takes(parser)
     arguments.add_shared(parser, "--library", "--either-side")
     text = (

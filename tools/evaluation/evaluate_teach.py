@@ -64,6 +64,10 @@ class Reply(NamedTuple):
         return sum(each != self.motion.class_name for each in self.classes)
 
 
+#: The replies by who asks, and by the number of examples.
+Replies = Mapping[tuple[str, int], Sequence[Reply]]
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     add_sources(parser, "the built-in library's motions")
@@ -71,9 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
     parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
     parser.add_argument("--draws", type=above_zero, default=20, help="draws of each person's examples (%(default)s)")
-    parser.add_argument(
-        "--teachers", nargs="+", default=[], metavar="PERSON", help="who teaches (default: all in turn)"
-    )
+    parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help="who teaches (default: all)")
     text = "ask each motion again with its class left out: how much of its time is named all the same?"
     parser.add_argument("--left-out", action="store_true", help=text)
     add_settings(parser)
@@ -105,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _replies(
     by_person: Mapping[str, Sequence[Motion]], teachers: Sequence[str], options: argparse.Namespace
-) -> dict[tuple[str, int], list[Reply]]:
+) -> Replies:
     """Ask what each teacher's draws teach; give the replies by who asks, and by the number of examples."""
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
@@ -256,9 +258,7 @@ def stood(takes: Sequence[Clip]) -> dict[str, float | None]:
     return {"stood_begins": float(np.mean(begins)) if begins else None, "stood": len(begins)}
 
 
-def scored(
-    replies: Mapping[tuple[str, int], Sequence[Reply]], examples: Sequence[int]
-) -> dict[str, list[float | None]]:
+def scored(replies: Replies, examples: Sequence[int]) -> dict[str, list[float | None]]:
     """Give the figures for each number of examples, in order; None where no motion could ask.
 
     Of the same person's motions and of others': the shares whose first start event is right, that had a start event,

@@ -117,6 +117,10 @@ class _Course(NamedTuple):
         return [window for window in self.windows if window[1] in self.take.contains]
 
 
+#: Takes, each with the numbers that judge it.
+_Judged = Sequence[tuple[_Course, Rejection]]
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
@@ -354,9 +358,7 @@ def _windows(
     return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence and each.time >= begun]
 
 
-def _fitted_apart(
-    courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]
-) -> list[tuple[_Course, Rejection]]:
+def _fitted_apart(courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]) -> _Judged:
     """Pair each take with a rejection that is fitted without the takes of some persons, its own among them."""
     people = sorted({each.take.person for each in courses})
     if len(people) < 2:
@@ -459,7 +461,7 @@ def _numbers(windows: Evidenced, class_names: Sequence[str], typical: NDArray[np
     return np.column_stack([compared, noise, guesses, guesses * leads[:, None]])
 
 
-def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]], rate: float) -> float:
+def _threshold(own: Sequence[_Own], judged: _Judged, rate: float) -> float:
     """Find the threshold at which this share of unknown time is named, by halving.
 
     With own motions the biases are raised for every threshold that is tried.
@@ -473,7 +475,7 @@ def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]],
     return high
 
 
-def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> dict[str, float]:
+def _figures(judged: _Judged, threshold: float) -> dict[str, float]:
     """Count the results of a threshold on the takes: shares of unknown time and of takes, and starts a minute."""
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:

@@ -500,6 +500,8 @@ def _cell(value: object) -> object:
 
 
 _Item = TypeVar("_Item")
+#: Of each unit the stretches: a segment has one for each library that was asked.
+_Stretches = Sequence[Sequence[Stretch]]
 #: Counts in a stretch, or in a take.
 _Counted = Callable[[_Item], float]
 _seconds = attrgetter("seconds")
@@ -598,15 +600,13 @@ def _ratio(
     return ratio(above, below, scale, persons=(_persons(units),))
 
 
-def _percentile(
-    units: Sequence[Sequence[Stretch]], measured: Callable[[Stretch], float | None], percent: float
-) -> Figure:
+def _percentile(units: _Stretches, measured: Callable[[Stretch], float | None], percent: float) -> Figure:
     """Take a percentile of a number over the stretches that have it."""
     values = [[value for each in unit if (value := measured(each)) is not None] for unit in units]
     return percentile(values, percent, persons=(_persons(units),))
 
 
-def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:
+def _scores(units: _Stretches) -> list[NDArray[np.float64]]:
     return [np.concatenate([each.scores for each in unit]) for unit in units]
 
 
@@ -629,7 +629,7 @@ def _changes(track: NDArray[np.intp]) -> int:
     return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 
 
-def _score_of_class(units: Sequence[Sequence[Stretch]]) -> dict[str, float]:
+def _score_of_class(units: _Stretches) -> dict[str, float]:
     right = _ratio(units, lambda each: each.right, _seconds).value()
     inside = _ratio(units, lambda each: each.right_inside, lambda each: each.inside).value()
     return {"seconds": _basis(units)["seconds"] or 0.0, "right": right or 0.0, "right_inside": inside or 0.0}

@@ -50,12 +50,7 @@ from kinespace.tools.page.process import Plan, Subscription
 MAX_MESSAGE = 4096
 #: The path of the WebSocket.
 SOCKET = "/live"
-_TYPES = {
-    "html": "text/html; charset=utf-8",
-    "css": "text/css; charset=utf-8",
-    "js": "text/javascript; charset=utf-8",
-    "svg": "image/svg+xml; charset=utf-8",
-}
+_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self' ws://{host}; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -174,7 +169,8 @@ def static_file(path: str, host: str) -> Response:
     file = resources.files("kinespace.tools.page") / "static" / name
     if kind is None or "/" in name or "\\" in name or not file.is_file():
         return refusal(404, "no such file")
-    return response(200, file.read_bytes(), kind, {"Content-Security-Policy": _POLICY.format(host=host)})
+    policy = {"Content-Security-Policy": _POLICY.format(host=host)}
+    return response(200, file.read_bytes(), f"{kind}; charset=utf-8", policy)
 
 
 _GUARDS = {

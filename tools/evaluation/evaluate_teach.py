@@ -20,7 +20,7 @@ from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at
-from kinespace.tools.evaluation.scores import Figure, percentile, ratio, values_of
+from kinespace.tools.evaluation.scores import percentile, ratio, values_of
 from kinespace.tools.feeding.feed import resampled
 
 #: A motion, and the name of the recording that it was cut from.
@@ -223,16 +223,6 @@ def _strangers(asked: Sequence[Clip], taught: WindowIndex, examples: Sequence[in
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
 
 
-def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Figure]:
-    """Give the figures of motions whose class was left out, which are named by mistake."""
-    named, answers = [each.named for each in asked], [each.answers for each in asked]
-    starts, seconds = [len(each.classes) for each in asked], [each.motion.duration for each in asked]
-    return {
-        f"{prefix}unknown_named": ratio(named, answers),
-        f"{prefix}unknown_starts_per_minute": ratio(starts, seconds, 60),
-    }
-
-
 def begun(motions: Sequence[Clip]) -> dict[str, float]:
     """Give the share of motions that begin a lesson, as recorded and at two fifths of their speed, and their number.
 
@@ -274,16 +264,19 @@ def scored(replies: Replies, examples: Sequence[int]) -> dict[str, list[float | 
             right, one = [each.right for each in asked], [1.0] * len(asked)
             started = [bool(each.classes) for each in asked]
             false, seconds = [each.false_starts for each in asked], [each.motion.duration for each in asked]
-            values = values_of(
-                {
-                    f"{whose}_first_right": ratio(right, one),
-                    f"{whose}_started": ratio(started, one),
-                    f"{whose}_first_right_of_started": ratio(right, started),
-                    f"{prefix}delay_s": percentile([[each.delay] for each in asked if each.right], 50),
-                    f"{prefix}false_per_minute": ratio(false, seconds, 60),
-                    **(_of_unknown(replies.get((f"unknown {whose}", count), []), prefix) if left_out else {}),
-                }
-            )
-            for name, value in (values | {f"{whose}_asked": len(asked)}).items():
+            found = {
+                f"{whose}_first_right": ratio(right, one),
+                f"{whose}_started": ratio(started, one),
+                f"{whose}_first_right_of_started": ratio(right, started),
+                f"{prefix}delay_s": percentile([[each.delay] for each in asked if each.right], 50),
+                f"{prefix}false_per_minute": ratio(false, seconds, 60),
+            }
+            if left_out:
+                unknown = replies.get((f"unknown {whose}", count), [])
+                starts, seconds = [len(each.classes) for each in unknown], [each.motion.duration for each in unknown]
+                named, answers = [each.named for each in unknown], [each.answers for each in unknown]
+                found[f"{prefix}unknown_named"] = ratio(named, answers)
+                found[f"{prefix}unknown_starts_per_minute"] = ratio(starts, seconds, 60)
+            for name, value in (values_of(found) | {f"{whose}_asked": len(asked)}).items():
                 figures[name].append(value)
     return dict(figures)

@@ -518,13 +518,9 @@ document.addEventListener("keydown", (event) => {
   if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
   const name = [...page.performers.keys()][Number(event.key) - 1];
   if (name && event.target.tagName !== "CANVAS") choose(name);
-  if (event.key === "t" && teaches()) { event.preventDefault(); byId("name").select(); }
-  if (event.key === "a" && teaches() && page.taught) teach(page.taught);
-  if (event.key === "h" && teaches()) hold(true);
-  if (event.key === "y" && teaches()) judge("right");
-  if (event.key === "n" && teaches()) judge("wrong");
-  if (event.key === "m" && teaches()) teachNothing();
-  if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
+  const does = { t: () => { event.preventDefault(); byId("name").select(); }, a: () => page.taught && teach(page.taught),
+    h: () => hold(true), y: () => judge("right"), n: () => judge("wrong"), m: teachNothing, Escape: () => ask({ do: "cancel" }) };
+  if (teaches() && Object.hasOwn(does, event.key)) does[event.key]();
 });
 
 setTheme(localStorage.getItem("theme") ?? document.documentElement.dataset.theme);

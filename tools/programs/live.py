@@ -34,7 +34,6 @@ from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.cli.values import meant
-from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.ends import Ends, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
@@ -131,12 +130,10 @@ def run(options: argparse.Namespace) -> int:
         for each in (*from_workers, *listeners):
             ends.callback(each.close)
         # Before the sockets are open: no packet is to wait until the page runs.
-        plans = ends.servers(performers, commands=lessons is not None)
-        servers = [ends.enter_context(PageProcess(plan, say)) for plan in plans]
+        ends.open_servers(performers, commands=lessons is not None)
         ends.open(preset)
         ends.open_controls()
-        for sender in ends.senders():
-            ends.enter_context(sender)
+        ends.open_senders()
         sources: list[AnySource] = [*ends.sources, *ends.controls, *ends.own_controls, *from_workers]
         to_zmq = [sink.sender for sink in ends.sinks if options.bodies and isinstance(sink, ZmqSink)]
         bodies = [BodySink(sender, performers.skeleton_of, performers.carried) for sender in to_zmq]
@@ -150,7 +147,11 @@ def run(options: argparse.Namespace) -> int:
         stop_on_signals(service.stop)
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         teaching = ", also for /motion/teach" if lessons and preset else ""
-        _say_open([*(each for each in ends.sources if each.place), *ends.controls], ends.sinks, teaching, servers)
+        ways_in = ", ".join(map(str, [*(each for each in ends.sources if each.place), *ends.controls]))
+        answering = ", ".join(map(str, ends.sinks)) or "nobody"
+        say(f"listening on {ways_in}{teaching}; answering to {answering}; Ctrl-C ends")
+        for server in ends.servers:
+            say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
@@ -167,14 +168,6 @@ def run(options: argparse.Namespace) -> int:
     for line in dict.fromkeys([*lines, *lacking]):
         say(line)
     return 2 if lacking or (lessons and lessons.has_unsaved) else 0
-
-
-def _say_open(ends: Sequence[object], sinks: Sequence[object], teaching: str, servers: Sequence[PageProcess]) -> None:
-    """Say where frames and commands come in, where answers go, and where browsers look."""
-    answering = ", ".join(map(str, sinks)) or "nobody"
-    say(f"listening on {', '.join(map(str, ends))}{teaching}; answering to {answering}; Ctrl-C ends")
-    for server in servers:
-        say(f"{server.name}: {server.address}")
 
 
 def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:

@@ -28,6 +28,8 @@ from kinespace.tools.feeding.service import Listener, Received, answer_in, class
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
+#: A sender for each kind of packets that is sent: "osc", "zmq".
+Senders = Mapping[str, feed.FrameSender]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -106,9 +108,7 @@ def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> List
         return Listener(osc.OscReceiver(*host_and_port(listen)))
 
 
-def _senders(
-    opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None
-) -> dict[str, feed.FrameSender]:
+def _senders(opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None) -> Senders:
     """Open a sender for each kind of packets that has an address, ZeroMQ last; wait until its peers have connected."""
     senders: dict[str, feed.FrameSender] = {}
     if osc_to:
@@ -185,7 +185,7 @@ def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -
         yield feed.Piece(first - begin, replace(piece, class_name=label) if segments else piece)
 
 
-def replay(path: Path, senders: Mapping[str, feed.FrameSender], options: argparse.Namespace) -> int:
+def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
     """Send a recording's packets at the times of their arrivals.
 
     Parameters

@@ -186,12 +186,8 @@ class Board:
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
         scores = [answer.scores.get(name) for name in known]
-        shown = {
-            "label": answer.label or answer.outcome,
-            "named": answer.label is not None,
-            "scores": scores,
-            "at": now,
-        }
+        named = {"label": answer.label or answer.outcome, "named": answer.label is not None}
+        shown = {**named, "scores": scores, "at": now}
         performer.answer = _Noted(msgspec.to_builtins(answer) | shown, self.number)
         if not performer.guesses or performer.guesses[-1][2] != answer.guess:
             performer.guesses.append((self.number, now, answer.guess))

@@ -100,10 +100,9 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
         where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
         raise ValueError(f"FOLDER: expected motions of two classes or more, {got}: {where}")
     joints = shared_joints([clip.skeleton for clip in clips])
-    if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
-        return [clip.as_of(clips[0].skeleton) for clip in clips]
-    skeleton = clips[0].restricted_to(joints).skeleton
-    return [clip.restricted_to(joints).as_of(skeleton) for clip in clips]
+    if any(len(clip.skeleton.joints) > len(joints) for clip in clips):
+        clips = [clip.restricted_to(joints) for clip in clips]
+    return [clip.as_of(clips[0].skeleton) for clip in clips]
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:

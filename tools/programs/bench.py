@@ -123,8 +123,9 @@ WARM_UP = 300
 ROUND = 480
 #: Rounds, of which medians are taken.
 ROUNDS = 9
-#: Whether the system counts a thread's own time finely enough.
-_FINE = time.get_clock_info("thread_time").resolution <= 1e-6
+#: Gives the seconds for which this thread has used a core; other programs' time does not count. Where the system counts
+#: it too coarsely, the wall clock is used.
+clock = time.thread_time if time.get_clock_info("thread_time").resolution <= 1e-6 else time.perf_counter
 
 
 def measure_stages(_: float) -> Measured:
@@ -203,14 +204,6 @@ def pushing(
             return timed(push) * 1e6 / ROUND
 
     return run
-
-
-def clock() -> float:
-    """Give the seconds for which this thread has used a core; other programs' time does not count.
-
-    Where the system counts it too coarsely, the wall clock is used.
-    """
-    return time.thread_time() if _FINE else time.perf_counter()
 
 
 def timed(call: Callable[[], object]) -> float:

@@ -160,16 +160,14 @@ function drawPerformer(performer) {
   performer.card.classList.toggle("silent", silent > NO_FRAMES);
   if (silent > NO_FRAMES) {
     performer.stage.draw({ colour: colourOf(-1) });
-    performer.doing.textContent = "";
+    performer.doing.textContent = performer.carriedBy.textContent = "";
     performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
-    performer.carriedBy.textContent = "";
     return;
   }
   const { answer, stage, carried } = performer;
   const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.going) : -1;
   const progress = answer?.progress;
-  stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried,
-    phase: progress?.phase });
+  stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried, phase: progress?.phase });
   if (!answer) return;
   const doing = titleOf(performer.going || (answer.named ? answer.label : ""));
   if (performer.doing.textContent !== doing) performer.doing.textContent = doing;

@@ -105,7 +105,11 @@ BUILT_IN = Path("built-in")
 _SHARED: dict[str, dict[str, Any]] = {
     "--osc-in": {"metavar": "[HOST:]PORT", "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)"},
     "--zmq-in": {"metavar": "ENDPOINT", "help": "subscribe to ZeroMQ, like tcp://127.0.0.1:9320"},
-    "--keys": {"type": Path, "metavar": "DIR", "help": "let in by ZeroMQ only owners of a .key there: kinespace keys"},
+    "--keys": {
+        "type": Path,
+        "metavar": "DIR",
+        "help": "accept by ZeroMQ only those whose .key is there: kinespace keys makes them",
+    },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
     "--people": {"type": int, "default": 1, "metavar": "N", "help": "people a camera follows, 4 at most (default 1)"},
     "--size": {"choices": ("full", "lite"), "default": "full", "help": "of the camera's landmark network"},
@@ -258,7 +262,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--sensitivity", type=share, help=text)
     parser.add_argument("--window", type=positive, help="seconds of the paper's window (default 0.5); paper only")
-    parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help="seconds between answers (1/30)")
+    text = "seconds between answers (default 1/30)"
+    parser.add_argument("--hop", type=not_negative, default=_DEFAULTS.hop, help=text)
     text = "say with each answer how far the motion is, how fast, how large; windows only"
     parser.add_argument("--progress", action="store_true", help=text)
     text = (

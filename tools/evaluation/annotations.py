@@ -81,15 +81,18 @@ def _boris(courses: Sequence[Course]) -> str:
         events = sorted(_boris_events(course, own), key=lambda event: event[0])
         observations[course.name] = {**observed, "events": events, "independent_variables": {}}
     blank = ("key", "description", "category", "modifiers", "excluded", "coding map")
-    behaviour = {"type": "State event", **dict.fromkeys(blank, "")}
+    behaviour = {"type": "State event", "code": "", **dict.fromkeys(blank, "")}
     project = {
         **named,
         "project_format_version": _BORIS_VERSION,
         "subjects_conf": {str(n): {"key": "", "name": name, "description": ""} for n, name in enumerate(people)},
         "behaviors_conf": {str(place): {**behaviour, "code": code} for place, code in enumerate(codes)},
         "observations": observations,
-        **{name: [] for name in ("behavioral_categories", "behaviors_coding_map")},
-        **{name: {} for name in ("independent_variables", "coding_map", "converters")},
+        "behavioral_categories": [],
+        "independent_variables": {},
+        "coding_map": {},
+        "behaviors_coding_map": [],
+        "converters": {},
     }
     return json.dumps(project, indent=1, ensure_ascii=False)
 

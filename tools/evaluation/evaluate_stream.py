@@ -35,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")
     text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
     parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
-    parser.add_argument("--segments", type=report_path, metavar="CSV", help="write each segment: right, named, delays")
+    text = "write a row for each segment: right, named, delays"
+    parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
 
 
 def run(options: argparse.Namespace) -> None:

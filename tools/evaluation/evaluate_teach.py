@@ -75,7 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
     parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
     parser.add_argument("--draws", type=above_zero, default=20, help="draws of each person's examples (%(default)s)")
-    parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help="who teaches (default: all)")
+    text = "the persons who teach (default: all, in turn)"
+    parser.add_argument("--teachers", nargs="+", default=[], metavar="PERSON", help=text)
     text = "ask each motion again with its class left out: how much of its time is named all the same?"
     parser.add_argument("--left-out", action="store_true", help=text)
     add_settings(parser)

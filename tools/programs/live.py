@@ -93,7 +93,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ws-origin", type=arguments.names, default=(), metavar="ORIGIN,...", help=text)
     parser.add_argument("--plain", action="store_true", help="print a line per change instead of a table")
     parser.add_argument("--log", choices=("text", "json"), help="as --plain, each line with the wall clock and a level")
-    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help="spread performers over processes")
+    text = "spread performers over processes (default: none)"
+    parser.add_argument("--workers", type=workers, default=0, metavar="N|auto", help=text)
     parser.add_argument("--camera", metavar="0|FILE|URL", help="watch a camera, a film or a stream: kinespace camera")
     arguments.add_shared(parser, "--people", "--size")
     parser.add_argument("--lsl-in", metavar="NAME", help="read the positions of this LSL stream")

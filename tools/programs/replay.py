@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--listen", metavar="ADDRESS", help="HOST:PORT or ZeroMQ endpoint where the answers come")
     arguments.add_shared(parser, "--keys", "--open")
     parser.add_argument("--performer", default="replay", help="name of the performer (default %(default)s)")
-    parser.add_argument("--speed", type=arguments.positive, default=1.0, help="factor on the speed (%(default)s)")
+    text = "factor on the recorded speed (default %(default)s)"
+    parser.add_argument("--speed", type=arguments.positive, default=1.0, help=text)
     parser.add_argument("--pause", type=arguments.not_negative, default=1.0, help="seconds between clips (%(default)s)")
     text = "begin each recording at this second"
     parser.add_argument("--from", type=arguments.not_negative, default=0.0, dest="begin", metavar="S", help=text)

@@ -330,11 +330,11 @@ class RosterOpener:
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
             if place % _FRAMES_AT_ONCE == 0 and (self._ending.wait(_PAUSE) or not self._changes.empty()):
                 return Tried()
-            if answer := recognizer.push(Frame("before", moment, positions)):
-                began = (each for each in answer.events if each.kind is EventKind.START)
-                started += [each.time for each in began if each.label == name]
-                if answer.done and answer.done.label == name:
-                    done.append(answer.done.start + answer.done.duration / 2)
+            recognition = recognizer.push(Frame("before", moment, positions))
+            for event in recognition.events if recognition else ():
+                started += [event.time] * (event.kind is EventKind.START and event.label == name)
+            if recognition and recognition.done and recognition.done.label == name:
+                done.append(recognition.done.start + recognition.done.duration / 2)
         own = [(each.start - begin, each.end - begin) for each in change.before.shown]
         starts, ends = (sum(not any(a <= at <= b for a, b in own) for at in times) for times in (started, done))
         return Tried(starts, ends, before.duration)

@@ -73,7 +73,7 @@ class Performance(NamedTuple):
 def cues_of(positions: NDArray[np.float32], begin: float = 1.0) -> list[Cue]:
     """Cue positions, shape (frames, 31, 3), metres, 120 a second; the first frame has this time."""
     frames = (Frame(INNOCENT, begin + k / FRAME_RATE, each) for k, each in enumerate(positions))
-    return [Cue(k / FRAME_RATE, frame, k) for k, frame in enumerate(frames)]
+    return [Cue(k / FRAME_RATE, frame) for k, frame in enumerate(frames)]
 
 
 def stream(  # noqa: PLR0913, PLR0917 - who performs what, where, how fast and how long
@@ -91,7 +91,7 @@ def stream(  # noqa: PLR0913, PLR0917 - who performs what, where, how fast and h
             if number % round(rate) == 0:
                 sender.announce(Announcement(name, SKELETON.joints))
             now = time.monotonic()
-            sender.send(sender.encode(Cue(0.0, Frame(name, now, positions[number % len(positions)]), 0)))
+            sender.send(sender.encode(Frame(name, now, positions[number % len(positions)])))
             if now > begun + seconds or ended.wait(1 / rate):
                 return
 

@@ -43,7 +43,7 @@ def test_nothing_ends_the_program() -> None:
                 # The name was another's a moment ago: it is this sender's once that has been silent.
                 sender.announce(NAMES)
                 for cue in cues_of(positions, 1.0 + number):
-                    sender.send(sender.encode(cue))
+                    sender.send(sender.encode(cue.frame))
                     time.sleep(0.001)
                 if answers.socket.poll(100) or time.monotonic() > until:
                     break

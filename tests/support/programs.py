@@ -145,7 +145,7 @@ def motion_cues(class_name: str, seconds: float, *, performer: str = "dancer", b
     """Cue the first seconds of the built-in library's shortest motion that lasts long enough, at 120 Hz."""
     positions = _motion_positions(class_name, seconds)
     frames = [Frame(performer, begin + index / 120, joints) for index, joints in enumerate(positions)]
-    return [Cue(index / 120, frame, index, class_name) for index, frame in enumerate(frames)]
+    return [Cue(index / 120, frame, class_name) for index, frame in enumerate(frames)]
 
 
 ghost_cues = partial(motion_cues, performer="ghost")
@@ -203,7 +203,7 @@ class Stage:
     def play(self, cues: Sequence[Cue]) -> None:
         """Send frames in pieces; the next piece waits until the one before is read, so that no socket overflows."""
         for index, cue in enumerate(cues):
-            self.sender.send(self.sender.encode(cue))
+            self.sender.send(self.sender.encode(cue.frame))
             if index % 40 == 39:
                 wait_until_read(self.port)
 

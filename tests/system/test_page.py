@@ -276,7 +276,7 @@ def teaches(page: "Page", performer: Performer) -> None:
         until(page, f"{LESSON}.textContent === ''")
         page.evaluate("document.activeElement.blur()")
     until_taught(page, "kinespace.control.taught['my squat'] === 2", lambda: confirms_a_squat(page, performer))
-    until(page, "kinespace.motions['my squat'].frames.length > 5")
+    until(page, "kinespace.motions['my squat']?.frames.length > 5")
     until_taught(page, "kinespace.control.taught.nothing === 1", lambda: calls_a_kick_nothing(page, performer))
     until(page, "[...kinespace.performers.get('ann').motions.values()].some((each) => each.mark === 'wrong')")
     page.click("#teach button:has-text('Undo')")

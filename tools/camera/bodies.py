@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from kinespace.library import Clip
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
@@ -34,8 +35,6 @@ _MIDDLE, _CIRCLE = 33, 34
 _MARGIN = 1.25
 #: Cells of the heat map around a landmark that correct it, and what one must reach for it.
 _AROUND, _MIN_HEAT = 3, 0.5
-#: Logits beyond this mean certainty.
-_CERTAIN = 50.0
 
 
 class Region(NamedTuple):
@@ -131,9 +130,8 @@ def landmarks_in(
     turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     turned = np.asarray(world[:LANDMARKS], dtype=np.float64) @ turn
     own = marks[:LANDMARKS].astype(np.float64)
-    present = 1 / (1 + np.exp(-np.clip(own[:, 4], -_CERTAIN, _CERTAIN)))
     picture = np.column_stack([points[:LANDMARKS], own[:, 2] * (region.size / SIDE)])
-    return Landmarks(picture, turned, present, region_around(points[_MIDDLE], points[_CIRCLE]))
+    return Landmarks(picture, turned, expit(own[:, 4]), region_around(points[_MIDDLE], points[_CIRCLE]))
 
 
 def refined(points: NDArray[np.float64], heat: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -148,13 +146,10 @@ def refined(points: NDArray[np.float64], heat: NDArray[np.floating]) -> NDArray[
         if not (0 <= column < cells and 0 <= row < cells):
             continue
         top, left = max(row - _AROUND, 0), max(column - _AROUND, 0)
-        near = heat[top : row + _AROUND + 1, left : column + _AROUND + 1, place].astype(np.float64)
-        near = 1 / (1 + np.exp(-near))
-        if near.max() < _MIN_HEAT:
-            continue
-        weight = near.sum()
-        across, down = near.sum(axis=0) @ np.arange(near.shape[1]), near.sum(axis=1) @ np.arange(near.shape[0])
-        moved[place] = np.array([left + across / weight, top + down / weight]) * (SIDE / cells)
+        near = expit(heat[top : row + _AROUND + 1, left : column + _AROUND + 1, place].astype(np.float64))
+        if near.max() >= _MIN_HEAT:
+            across, down = near.sum(axis=0) @ np.arange(near.shape[1]), near.sum(axis=1) @ np.arange(near.shape[0])
+            moved[place] = np.array([left + across / near.sum(), top + down / near.sum()]) * (SIDE / cells)
     return moved
 
 
@@ -167,13 +162,6 @@ _ONE_BODY = 0.4
 #: Seconds for which a lost body is looked for; how far it may have moved, in sides of its region; and by what factor
 #: its size may have changed.
 _MISSED, _MAX_WAY, _MAX_GROWN = 5.0, 1.0, 1.6
-
-
-class SeenBody(NamedTuple):
-    """A body in one picture, and its name."""
-
-    name: str
-    landmarks: Landmarks
 
 
 @dataclass(slots=True)
@@ -211,8 +199,8 @@ class Bodies:
         self._bodies: dict[str, _Body] = {}
         self._next_look = -math.inf
 
-    def seen(self, picture: NDArray[np.uint8], time: float) -> list[SeenBody]:
-        """Find the bodies in the next picture (height, width, 3), taken at `time` seconds; in the order of names."""
+    def seen(self, picture: NDArray[np.uint8], time: float) -> dict[str, Landmarks]:
+        """Find the bodies in the next picture (height, width, 3), taken at `time` seconds, by name in their order."""
         found: dict[str, Landmarks] = {}
         for name, body in self._bodies.items():
             if body.is_here:
@@ -221,7 +209,7 @@ class Bodies:
         if len(found) < len(self._names) and (not found or time >= self._next_look):
             self._next_look = time + _LOOK_EVERY
             self._look(picture, time, found)
-        return [SeenBody(name, found[name]) for name in self._names if name in found]
+        return {name: found[name] for name in self._names if name in found}
 
     def _look(self, picture: NDArray[np.uint8], time: float, found: dict[str, Landmarks]) -> None:
         """Look at the whole picture for further bodies: those first that were lost a moment ago, then the largest."""
@@ -331,9 +319,9 @@ def film_clip(path: Path) -> Clip:
     times, positions = [], []
     with closing(film.Film(str(path), lambda: False, paced=False)) as pictures:
         for picture in pictures:
-            for each in bodies.seen(picture.pixels, picture.time):
+            for landmarks in bodies.seen(picture.pixels, picture.time).values():
                 times.append(picture.time)
-                positions.append(body_of(joints, upright(each.landmarks, picture.pixels)))
+                positions.append(body_of(joints, upright(landmarks, picture.pixels)))
     if len(times) < 2:
         raise ValueError(f"{path}: no body in its {pictures.taken} pictures")
     even = evened(np.array(times), np.array(positions), begin=film.FIRST)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from kinespace.tools.camera import bodies
 from kinespace.tools.camera.bodies import Landmarks, Region
@@ -22,8 +23,6 @@ _GRIDS = ((8, 2), (16, 2), (32, 6))
 NUMBERS = 12
 #: The least score of a body; boxes that overlap by more than this share of both together are one body's.
 MIN_SCORE, _SAME_BODY = 0.5, 0.3
-#: Raw scores beyond this mean certainty; their exponentials would overflow.
-_CERTAIN = 100.0
 
 
 class Detections(NamedTuple):
@@ -57,7 +56,7 @@ def anchors() -> NDArray[np.float64]:
 
 def decoded(boxes: NDArray[np.floating], scores: NDArray[np.floating], centres: NDArray[np.float64]) -> Detections:
     """Read the detector's two outputs, (anchors, 12) in pixels from each anchor and (anchors,) as logits."""
-    likely = 1 / (1 + np.exp(-np.clip(scores.astype(np.float64), -_CERTAIN, _CERTAIN)))
+    likely = expit(scores.astype(np.float64))
     kept = np.flatnonzero(likely >= MIN_SCORE)
     kept = kept[np.argsort(-likely[kept], kind="stable")]
     numbers = boxes[kept].astype(np.float64).reshape(-1, NUMBERS // 2, 2) / WHOLE_SIDE

@@ -111,17 +111,9 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "accept by ZeroMQ only those whose .key is there: kinespace keys makes them",
     },
     "--open": {"action": "store_true", "help": "let anybody reach an endpoint bound beyond this machine"},
-    "--people": {
-        "type": int,
-        "default": 1,
-        "metavar": "N",
-        "help": "follow up to so many people in front of the camera, 4 at most (default %(default)s)",
-    },
+    "--people": {"type": int, "default": 1, "metavar": "N", "help": "people a camera follows, 4 at most (default 1)"},
     "--size": {"choices": ("full", "lite"), "default": "full", "help": "of the camera's landmark network"},
-    "--either-side": {
-        "action": "store_true",
-        "help": "a motion may be done by either side: add each example mirrored, too",
-    },
+    "--either-side": {"action": "store_true", "help": "add each example mirrored: a motion may be done by either side"},
     "--sender": {"metavar": "HOST", "default": "127.0.0.1", "help": "host to ask for frames, for feeds that ask"},
     "--feed": {
         "metavar": "NAME",

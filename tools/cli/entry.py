@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 from collections.abc import Callable
 
 #: Some systems have SIGHUP (the terminal was closed), Windows has SIGBREAK.
@@ -15,12 +16,6 @@ def _signals() -> list[signal.Signals]:
     return [number for number in here if signal.getsignal(number) is not signal.SIG_IGN]
 
 
-def interrupt_on_signals() -> None:
-    """Let every such signal raise KeyboardInterrupt in the main thread, and note it."""
-    for number in _signals():
-        signal.signal(number, _interrupt)
-
-
 def stop_on_signals(stop: Callable[[], None]) -> None:
     """Let every such signal call `stop` instead of its former action; raise KeyboardInterrupt if one came before."""
     for number in _signals():
@@ -28,7 +23,15 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
     check_interrupted()
 
 
+def end_wanted() -> Callable[[], bool]:
+    """Let every such signal end the program at its next question: give the question, whether one has come."""
+    ended = threading.Event()
+    stop_on_signals(ended.set)
+    return ended.is_set
+
+
 def _interrupt(*_: object) -> None:
+    """Note that the end was asked for, and raise KeyboardInterrupt in the main thread."""
     global _asked  # noqa: PLW0603 - a signal reaches the whole process
     _asked = True
     raise KeyboardInterrupt
@@ -59,7 +62,8 @@ def main() -> int:
     # No process that this one starts imports what lies in the current folder: a stranger's recordings, say.
     os.environ["PYTHONSAFEPATH"] = "1"
     try:
-        interrupt_on_signals()
+        for number in _signals():
+            signal.signal(number, _interrupt)
         from kinespace.tools.cli.main import main as run  # noqa: PLC0415 - Ctrl-C must end the program while this loads
 
         return run()

@@ -100,6 +100,4 @@ def _advice(number: int | None, place: str) -> str:
 
 def printable(name: str, kept: str = "") -> str:
     """Give a name from a file or the net without control characters, apart from `kept`."""
-    return "".join(
-        character if character.isprintable() or character in kept else "\N{REPLACEMENT CHARACTER}" for character in name
-    )
+    return "".join(each if each.isprintable() or each in kept else "\N{REPLACEMENT CHARACTER}" for each in name)

@@ -52,19 +52,17 @@ def _elan(courses: Sequence[Course]) -> str:
     root.set("xmlns:xsi", _XSI)
     root.set("xsi:noNamespaceSchemaLocation", _SCHEMA)
     ET.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
-    order, count = ET.SubElement(root, "TIME_ORDER"), 0
+    order, number = ET.SubElement(root, "TIME_ORDER"), 0
     for name, segments in _tiers(course).items():
         person = printable(course.person)
         tier = ET.SubElement(root, "TIER", LINGUISTIC_TYPE_REF="motion", TIER_ID=name, PARTICIPANT=person)
         for segment in segments:
-            slots = []
-            for seconds in (segment.start, segment.end):
-                count += 1
-                slots.append(f"ts{count}")
-                ET.SubElement(order, "TIME_SLOT", TIME_SLOT_ID=slots[-1], TIME_VALUE=str(round(1000 * seconds)))
-            place = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), "ALIGNABLE_ANNOTATION", ANNOTATION_ID=f"a{count}")
-            for number, slot in enumerate(slots, 1):
-                place.set(f"TIME_SLOT_REF{number}", slot)
+            place = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), "ALIGNABLE_ANNOTATION")
+            for end, seconds in enumerate((segment.start, segment.end), 1):
+                number += 1
+                ET.SubElement(order, "TIME_SLOT", TIME_SLOT_ID=f"ts{number}", TIME_VALUE=str(round(1000 * seconds)))
+                place.set(f"TIME_SLOT_REF{end}", f"ts{number}")
+            place.set("ANNOTATION_ID", f"a{number}")
             ET.SubElement(place, "ANNOTATION_VALUE").text = printable(segment.label)
     kind = {"LINGUISTIC_TYPE_ID": "motion", "TIME_ALIGNABLE": "true", "GRAPHIC_REFERENCES": "false"}
     ET.SubElement(root, "LINGUISTIC_TYPE", kind)
@@ -78,24 +76,22 @@ def _boris(courses: Sequence[Course]) -> str:
     people = sorted({course.person for course in courses} - {""})
     named = {"time_format": "s", "project_date": _DATE, "project_name": "kinespace", "project_description": ""}
     observed = {"file": {}, "type": "LIVE", "date": _DATE, "description": "", "time offset": 0.0}
+    observations = dict[str, object]()
+    for course, own in zip(courses, tiers, strict=True):
+        events = sorted(_boris_events(course, own), key=lambda event: event[0])
+        observations[course.name] = {**observed, "events": events, "independent_variables": {}}
     blank = ("key", "description", "category", "modifiers", "excluded", "coding map")
     behaviour = {"type": "State event", "code": "", **dict.fromkeys(blank, "")}
-    empty: dict[str, object] = {"independent_variables": {}, "coding_map": {}, "behaviors_coding_map": []}
     project = {
         **named,
         "project_format_version": _BORIS_VERSION,
         "subjects_conf": {str(n): {"key": "", "name": name, "description": ""} for n, name in enumerate(people)},
         "behaviors_conf": {str(place): {**behaviour, "code": code} for place, code in enumerate(codes)},
-        "observations": {
-            course.name: {
-                **observed,
-                "events": sorted(_boris_events(course, own), key=lambda event: event[0]),
-                "independent_variables": {},
-            }
-            for course, own in zip(courses, tiers, strict=True)
-        },
+        "observations": observations,
         "behavioral_categories": [],
-        **empty,
+        "independent_variables": {},
+        "coding_map": {},
+        "behaviors_coding_map": [],
         "converters": {},
     }
     return json.dumps(project, indent=1, ensure_ascii=False)

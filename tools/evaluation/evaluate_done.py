@@ -14,8 +14,7 @@ from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.console import progress, scores_of, tell
-from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Asked, Take
+from kinespace.tools.evaluation.harness import Asked, Feed, Take, add_asked, answers_to, asked_of
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
@@ -32,14 +31,14 @@ _OF_CLASSES = "class {name} | segments {segments:.0f} | found {found:.0f} | fals
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_asked(parser)
+    add_asked(parser)
     parser.add_argument("--promises", action="store_true", help="compare the promises 1, 6, 60 and 600 an hour")
 
 
 def run(options: argparse.Namespace) -> None:
     """Replay takes, score what was said, and print the results."""
     settings, scores = settings_of(options), list[dict[str, Any]]()
-    asked, _ = harness.asked_of(options)
+    asked, _ = asked_of(options)
     takes = list[DoneTake]()
     for promised in _PROMISED if options.promises else (settings.false_alarms,):
         name, changed = f"{promised:g}/h", replace(settings, false_alarms=promised)
@@ -75,8 +74,8 @@ def done_take(asked: Asked, settings: Settings) -> DoneTake:
 
 def _said(take: Take, index: WindowIndex, settings: Settings) -> list[Said]:
     """Push a take through a recogniser of its own, with some stillness behind it; give the motions said to be done."""
-    feed = harness.Feed.of(take.clip, index.library.skeleton, take.delivered)
+    feed = Feed.of(take.clip, index.library.skeleton, take.delivered)
     stands = np.arange(1, round(_STANDS * take.clip.frame_rate) + 1) / take.clip.frame_rate
     positions = np.pad(feed.positions, ((0, len(stands)), (0, 0), (0, 0)), mode="edge")
     feed = feed._replace(times=np.append(feed.times, feed.times[-1] + stands), positions=positions)
-    return said_in(harness.answers_to(feed, index, settings))["done"]
+    return said_in(answers_to(feed, index, settings))["done"]

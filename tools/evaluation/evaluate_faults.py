@@ -18,9 +18,8 @@ from kinespace.library.windows.segments import mirrored_places
 from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import settings_of, several
 from kinespace.tools.cli.console import progress, scores_of, tell
-from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Feed, Take
-from kinespace.tools.evaluation.scores import Ratio, basis_of, counted_in, rests_on, values_of
+from kinespace.tools.evaluation.harness import INSIDE, Feed, Take, add_asked, asked_of, pushed
+from kinespace.tools.evaluation.scores import basis_of, counted_in, rests_on
 
 #: What becomes of a feed's frames.
 Fault = Callable[[Feed, np.random.Generator], Feed]
@@ -167,17 +166,17 @@ class _Played(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_asked(parser)
+    add_asked(parser)
     text = f"the faults (default: all): {'; '.join(FAULTS)}"
     parser.add_argument("--fault", **several(str, "FAULT"), choices=[*FAULTS], help=text)
 
 
 def run(options: argparse.Namespace) -> None:
     """Play every take with every fault, and print what was answered."""
-    settings, (asked, _) = settings_of(options), harness.asked_of(options)
+    settings, (asked, _) = settings_of(options), asked_of(options)
     played: dict[str, list[_Played]] = {fault: [] for fault in options.fault or FAULTS}
     for each in progress(asked, "Playing", len(asked)):
-        sound = harness.Feed.of(each.take.clip, each.library.skeleton, each.take.delivered)
+        sound = Feed.of(each.take.clip, each.library.skeleton, each.take.delivered)
         step = max(1, round(each.take.clip.frame_rate / _RATE))
         sound = sound._replace(times=sound.times[::step], positions=sound.positions[::step])
         for fault, of_fault in played.items():
@@ -189,10 +188,10 @@ def run(options: argparse.Namespace) -> None:
     tell(options, {"faults": scores}, table)
 
 
-def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Settings) -> _Played:
+def _played(take: Take, feed: Feed, library: MotionLibrary, settings: Settings) -> _Played:
     """Play a take with a fault; an alarm is a new note on joints, or an answer without joints."""
     recognizer, answers, alarms, note = Recognizer(library, settings), [], [], ""
-    for time, answer in harness.pushed(recognizer, feed):
+    for time, answer in pushed(recognizer, feed):
         if recognizer.doubt != note or (answer and answer.is_doubted):
             note = recognizer.doubt
             alarms.append(time)
@@ -200,22 +199,20 @@ def _played(take: Take, feed: harness.Feed, library: MotionLibrary, settings: Se
             answers.append(answer)
     begun, ended = feed.times[[0, -1]].tolist()
     noticed = alarms[0] - begun if alarms else None
-    counts = counted_in(take, library.classes, answers, harness.INSIDE)
+    counts = counted_in(take, library.classes, answers, INSIDE)
     return _Played(take, counts, noticed, len({*map(int, alarms)}), ended - begun)
 
 
 def _scored(fault: str, played: Sequence[_Played]) -> dict[str, object]:
     """Give the shares of one fault; the seconds until it was noticed in the slowest take, and the seconds of alarm."""
-    counts = [each.counts for each in played]
+    counts = sum((each.counts for each in played), Counter[str]())
     noticed = [each.noticed for each in played if each.noticed is not None]
     basis = basis_of([each.seconds for each in played], [each.take.person for each in played])
-    counted = {name: [each[name] for each in counts] for name in (*_SHARES, *_SHARES.values())}
-    shares = {name: Ratio(counted[name], counted[whole]) for name, whole in _SHARES.items()}
     basis["segments"] = sum(len(each.take.segments) for each in played)
     return {
         "fault": fault,
-        "answers": sum(each["answers"] for each in counts),
-        **values_of(shares),
+        "answers": counts["answers"],
+        **{name: counts[name] / counts[whole] if counts[whole] else None for name, whole in _SHARES.items()},
         "noticed_s": max(noticed) if len(noticed) == len(played) else None,
         "alarmed": sum(each.alarmed for each in played),
         **basis,

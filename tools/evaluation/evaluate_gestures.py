@@ -18,9 +18,8 @@ from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import add_settings, report_path, settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
-from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Take, written
-from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, rests_on, write_rows
+from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at, written
+from kinespace.tools.evaluation.scores import basis_of, interval, ratio, rests_on, write_rows
 from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
@@ -37,7 +36,7 @@ _SPANS = dict.fromkeys(KINDS, Span(commands=True))
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the built-in library's motions")
+    add_sources(parser, "the built-in library's motions")
     text = "the person's own examples teach (default), the next person's, or those of all other persons"
     parser.add_argument("--taught-by", choices=["own", "next", "all"], default="own", help=text)
     add_settings(parser)
@@ -46,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Teach each person's gestures, play the takes, and print how rightly the gestures were said."""
-    takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
-    joints = harness.shared_joints([take.clip.skeleton for take in takes])
+    takes = takes_at(options, MotionLibrary.builtin())
+    joints = shared_joints([take.clip.skeleton for take in takes])
     by_person = defaultdict[str, list["Take"]](list)
     for take in takes:
         by_person[take.person].append(replace(take, clip=take.clip.restricted_to(joints)))
@@ -118,8 +117,8 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
     taught = [segment for of, segment in lessons.values() if of is take]
     asked = [each for each in take.segments if each.label != _REPEATED and each not in taught]
     skeleton = index.library.skeleton
-    feed = harness.Feed.of(take.clip.restricted_to(skeleton.joints), skeleton, take.delivered)
-    answers = harness.answers_to(feed, index, settings)
+    feed = Feed.of(take.clip.restricted_to(skeleton.joints), skeleton, take.delivered)
+    answers = answers_to(feed, index, settings)
     ends = {each: moved(take.clip, each)[1] / take.clip.frame_rate for each in asked}
     seconds = sum(each.duration for each in asked)
     so_far = right_so_far(answers, {each: end for each, end in ends.items() if each.label != NOTHING})
@@ -136,7 +135,7 @@ def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, capt
     """Print the scores of all takes together, write the words; `further` is for JSON."""
     scores, basis = score_words(heard), basis_of([each.seconds for each in heard], [each.person for each in heard])
     basis["segments"] = sum(each.asked for each in heard)
-    so_far = Ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
+    so_far = ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
         require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))

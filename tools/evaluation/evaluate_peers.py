@@ -24,8 +24,8 @@ from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.console import counted, progress, scores_of, tell
-from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_show import turn
+from kinespace.tools.evaluation.harness import add_sources, shared_joints, takes_at
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0
@@ -60,7 +60,7 @@ class Method(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the built-in library's motions")
+    add_sources(parser, "the built-in library's motions")
     parser.add_argument("--alone", action="store_true", help="without the peers, which need the extra `peers`")
 
 
@@ -84,9 +84,9 @@ def run(options: argparse.Namespace) -> None:
 
 def _motions(options: argparse.Namespace) -> list[Clip]:
     """Give the motions of the takes, over the joints that all have."""
-    takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
+    takes = takes_at(options, MotionLibrary.builtin())
     motions = [motion for take in takes if take.is_known for motion in take.motions()]
-    joints = harness.shared_joints([clip.skeleton for clip in motions])
+    joints = shared_joints([clip.skeleton for clip in motions])
     skeleton = motions[0].restricted_to(joints).skeleton
     return [clip.restricted_to(joints).as_of(skeleton) for clip in motions if clip.frames > 1]
 

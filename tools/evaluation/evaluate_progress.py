@@ -9,7 +9,6 @@ import argparse
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from kinespace.stream import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP
 from kinespace.tools.cli.arguments import add_shared, count
 from kinespace.tools.cli.console import progress, scores_of, tell
-from kinespace.tools.evaluation import harness
+from kinespace.tools.evaluation.harness import Feed, pushed
 
 #: At each step of a played motion the phase and the speed, NaN where there was no answer; shape (2, steps).
 Estimate = NDArray[np.float64]
@@ -52,14 +51,6 @@ _COLUMNS = (
 )
 
 
-class _Played(NamedTuple):
-    """One motion as it is played: a body at every step, and its true phase and speed (2, steps)."""
-
-    clip: Clip
-    positions: NDArray[np.float64]
-    true: Estimate
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("--every", type=count, default=1, help="play every nth motion (default %(default)s)")
@@ -78,7 +69,10 @@ def run(options: argparse.Namespace) -> None:
 
 def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object]]:
     """Follow every motion by the other actors' motions; give the scores of each way of playing."""
-    truth, results = _true_phases(library), defaultdict[str, list[tuple[_Played, "Estimate"]]](list)
+    classes = opened(library).phases.classes.values()
+    # The phases of every motion's moments, by the motion's identity.
+    truth = {id(clip): phases for each in classes for clip, phases in zip(each.clips, each.phases, strict=True)}
+    results = defaultdict[str, list[tuple[Clip, Estimate, Estimate]]](list)
     for actor in progress(library.actors, "Persons", len(library.actors)):
         index = opened(library.without(actors=[actor]))
         for clip in [each for each in library.motions if each.actor == actor][::every]:
@@ -86,19 +80,20 @@ def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object
             if moments is None or id(clip) not in truth:
                 continue
             for way in (AS_RECORDED, WARPED):
-                played = _played(clip, truth[id(clip)], moments.seconds, warped=way == WARPED)
-                results[way].append((played, _estimate(played, index)))
+                positions, true = _played(clip, truth[id(clip)], moments.seconds, warped=way == WARPED)
+                results[way].append((clip, true, _estimate(clip.class_name, positions, index)))
     return [_scored(way, each) for way, each in results.items()]
 
 
-def _true_phases(library: MotionLibrary) -> dict[int, NDArray[np.float64]]:
-    """Give the phases of every motion's moments, by the motion's identity."""
-    classes = opened(library).phases.classes.values()
-    return {id(clip): phases for each in classes for clip, phases in zip(each.clips, each.phases, strict=True)}
+def _played(
+    clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, warped: bool
+) -> tuple[NDArray[np.float64], Estimate]:
+    """Play a motion step by step, as recorded or at a swinging speed that begins anywhere in its curve.
 
-
-def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, warped: bool) -> _Played:
-    """Play a motion step by step, as recorded or at a swinging speed that begins anywhere in its curve."""
+    Returns
+    -------
+    The body at every step, (steps, joints, 3), and its true phase and speed, (2, steps).
+    """
     times, speeds = list[float](), list[float]()
     now, begins = 0.0, (clip.frames * 0.618) % 1
     while now < clip.duration:
@@ -108,28 +103,27 @@ def _played(clip: Clip, phases: NDArray[np.float64], mean_seconds: float, *, war
         now += STEP * speed
     own = np.interp(np.array(times) * MOMENTS_PER_SECOND, np.arange(len(phases)), phases)
     true = np.array([own, np.array(speeds) * mean_seconds / clip.duration])
-    return _Played(clip, at_steps(clip.times, clip.positions, np.array(times)), true)
+    return at_steps(clip.times, clip.positions, np.array(times)), true
 
 
-def _estimate(played: _Played, index: WindowIndex) -> Estimate:
+def _estimate(performed: str, positions: NDArray[np.float64], index: WindowIndex) -> Estimate:
     """Get phase and speed at every step at which the class performed was named."""
-    times = np.arange(len(played.positions), dtype=np.float64) * STEP
-    feed = harness.Feed(times, played.positions, index.library.skeleton)
-    answers = [answer for _, answer in harness.pushed(Recognizer(index, Settings(progress=True)), feed)]
-    named = [each and each.class_name == played.clip.class_name and each.progress for each in answers]
+    feed = Feed(np.arange(len(positions), dtype=np.float64) * STEP, positions, index.library.skeleton)
+    answers = [answer for _, answer in pushed(Recognizer(index, Settings(progress=True)), feed)]
+    named = [each and each.class_name == performed and each.progress for each in answers]
     return np.array([(each.phase, each.speed) if each else (np.nan, np.nan) for each in named]).T
 
 
-def _scored(way: str, results: Sequence[tuple[_Played, Estimate]]) -> dict[str, object]:
-    """Compare the filter's phases and speeds with the true ones, from `_UNSCORED` seconds on.
+def _scored(way: str, results: Sequence[tuple[Clip, Estimate, Estimate]]) -> dict[str, object]:
+    """Compare the filter's phases and speeds with the true ones, which come first, from `_UNSCORED` seconds on.
 
     Errors of the phase (mean and median) and of the speed (octaves, median) are absolute; the rest are shares of the
     steps: with a phase within 0.1, with a lower phase than a step before, with a phase at all.
     """
     first = round(_UNSCORED / STEP)
-    errors = np.concatenate([(estimate[0] - played.true[0])[first:] for played, estimate in results])
-    rising = np.concatenate([np.diff(estimate[0])[first:] for _, estimate in results])
-    octaves = np.concatenate([np.log2(estimate[1] / played.true[1])[first:] for played, estimate in results])
+    errors = np.concatenate([(estimate[0] - true[0])[first:] for _, true, estimate in results])
+    rising = np.concatenate([np.diff(estimate[0])[first:] for _, _, estimate in results])
+    octaves = np.concatenate([np.log2(estimate[1] / true[1])[first:] for _, true, estimate in results])
     answered = np.isfinite(errors)
     errors = np.abs(errors[answered])
     return {
@@ -143,5 +137,5 @@ def _scored(way: str, results: Sequence[tuple[_Played, Estimate]]) -> dict[str, 
         "answered": float(answered.mean()),
         "steps": len(errors),
         "motions": len(results),
-        "persons": len({played.clip.actor for played, _ in results}),
+        "persons": len({clip.actor for clip, *_ in results}),
     }

@@ -9,7 +9,7 @@ confusion matrices.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from itertools import combinations
 from pathlib import Path
@@ -23,7 +23,7 @@ from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
 from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
 from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
-from kinespace.tools.evaluation.scores import Ratio, basis_of, interval, intervals_of, values_of, write_rows
+from kinespace.tools.evaluation.scores import Figure, basis_of, interval, intervals_of, ratio, values_of, write_rows
 
 _COLUMNS = (
     "compared {space} {signature} | protocol {protocol} | motions {motions} | nearest {nearest:.1%} | 95 % {sure} | "
@@ -56,7 +56,8 @@ def run(options: argparse.Namespace) -> None:
         console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
     clips = _motions(options)
-    labels, ways = Labels.of_clips(clips), _ways(clips, options.signature)
+    labels = Labels(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
+    ways = _ways(clips, options.signature)
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
     protocols = [Protocol(options.protocol)] if options.protocol else _protocols(clips)
     if Protocol.LEAVE_ONE_OUT not in protocols and (unnamed := [clip.name for clip in clips if not clip.actor]):
@@ -99,10 +100,9 @@ def _motions(options: argparse.Namespace) -> Sequence[Clip]:
         where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
         raise ValueError(f"FOLDER: expected motions of two classes or more, {got}: {where}")
     joints = shared_joints([clip.skeleton for clip in clips])
-    if all(len(clip.skeleton.joints) == len(joints) for clip in clips):
-        return [clip.as_of(clips[0].skeleton) for clip in clips]
-    skeleton = clips[0].restricted_to(joints).skeleton
-    return [clip.restricted_to(joints).as_of(skeleton) for clip in clips]
+    if any(len(clip.skeleton.joints) > len(joints) for clip in clips):
+        clips = [clip.restricted_to(joints) for clip in clips]
+    return [clip.as_of(clips[0].skeleton) for clip in clips]
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
@@ -142,10 +142,13 @@ def _scored(clips: Sequence[Clip], found: Retrieval, labels: Labels) -> dict[str
 
 def _of_splits(products: NDArray[np.floating], labels: Labels, protocol: Protocol) -> dict[str, Any]:
     """Give the mean and the worst of five actors' ten splits."""
-    ten = splits(set(labels.actors.tolist())) if protocol is Protocol.SPLIT else []
-    shares = {actors: retrieve(products, labels, candidates(labels, protocol, actors)).nearest for actors in ten}
-    if not shares:
+    actors = sorted({*labels.actors.tolist()})
+    if protocol is not Protocol.SPLIT or len(actors) != _ACTORS:
         return {"splits": None}
+    shares = dict[tuple[str, ...], float]()
+    for library in combinations(actors, len(SPLIT_LIBRARY_ACTORS)):
+        found = retrieve(products, labels, candidates(labels, protocol, library))
+        shares[library] = float(found.right[:, 0].mean())
     worst = min(shares, key=shares.__getitem__)
     return {"splits": {"mean": float(np.mean([*shares.values()])), "worst": shares[worst], "worst_library": worst}}
 
@@ -168,10 +171,9 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
         | {"sure": interval(each["intervals"]["nearest"], "{:.0%}")}
         for each in scores
     ]
-    console.console.print(
-        f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')} by "
-        f"{console.counted(len(persons), 'person') if persons else 'unknown persons'}"
-    )
+    whose = console.counted(len(persons), "person") if persons else "unknown persons"
+    motions = f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')}"
+    console.console.print(f"{motions} by {whose}")
     title = "Of how many motions is the nearest neighbour of their class?"
     console.console.print(console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2))
 
@@ -245,11 +247,6 @@ class Labels(NamedTuple):
     classes: NDArray[np.str_]
     actors: NDArray[np.str_]
 
-    @classmethod
-    def of_clips(cls, clips: Sequence[Clip]) -> Labels:
-        """Take the labels of some clips."""
-        return cls(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
-
 
 class Retrieval(NamedTuple):
     """The outcome of one protocol in one space.
@@ -272,18 +269,13 @@ class Retrieval(NamedTuple):
     right: NDArray[np.bool_]
 
     @property
-    def shares(self) -> dict[str, Ratio]:
+    def shares(self) -> dict[str, Figure]:
         """The shares of the motions that asked whose nearest, or one of whose two nearest, is of their class.
 
         The latter is the paper's 2-nearest-neighbour rate.
         """
         one, both = [1.0] * len(self.right), zip(("nearest", "two_nearest"), self.right.T.tolist(), strict=True)
-        return {name: Ratio(right, one) for name, right in both}
-
-    @property
-    def nearest(self) -> float:
-        """The first of the shares, 0 to 1."""
-        return float(self.right[:, 0].mean())
+        return {name: ratio(right, one) for name, right in both}
 
     def confusion(self, labels: Labels) -> tuple[list[str], NDArray[np.float64]]:
         """Give the classes that asked or were found, and the paper's figure 2 of them, shape (classes, classes).
@@ -317,11 +309,6 @@ def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:
     if not clip.rotations.shape[1]:
         raise ValueError(f"space: clip {clip.name!r} has no rotations")
     return clip.rotations
-
-
-def splits(actors: Collection[str]) -> list[tuple[str, ...]]:
-    """List all libraries of three of five actors, which the other two actors ask; empty for other numbers of actors."""
-    return list(combinations(sorted(actors), len(SPLIT_LIBRARY_ACTORS))) if len(actors) == _ACTORS else []
 
 
 def candidates(

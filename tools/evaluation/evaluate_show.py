@@ -24,8 +24,6 @@ from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_gestures import add_answers, report
-from kinespace.tools.evaluation.harness import Sources, read_takes
-from kinespace.tools.evaluation.scores import Ratio
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.lessons import open_taught
@@ -34,6 +32,8 @@ from kinespace.tools.teaching.lessons import open_taught
 _RATE = 60.0
 #: Seconds of everyday movement between two gestures, at least; recordings are cut to as much.
 _EVERY = 25.0
+#: Positions, shape (frames, joints, 3), metres.
+Positions = NDArray[np.floating]
 #: When a word is right.
 _SPANS = {"done": Span(early=0.1, late=1.5), "start": Span(early=0.1, late=1.0)}
 
@@ -46,14 +46,17 @@ class Show(NamedTuple):
     positions: NDArray[np.float64]
     segments: Sequence[Segment]
 
+    @property
+    def gestures(self) -> set[str]:
+        """The classes that are taught."""
+        return {each.class_name for each in self.examples}
+
     def heard(self, answers: Sequence[Recognition]) -> Heard:
         """Match what is said with the gestures."""
         ends, starts = ({each: getattr(each, edge) for each in self.segments} for edge in ("end", "start"))
         since, seconds = {"done": ends, "start": starts}, len(self.positions) / _RATE
-        so_far, gestures = right_so_far(answers, ends), {each.class_name for each in self.examples}
-        said = {
-            kind: [each for each in words if each.class_name in gestures] for kind, words in said_in(answers).items()
-        }
+        so_far, taught = right_so_far(answers, ends), self.gestures
+        said = {kind: [each for each in words if each.class_name in taught] for kind, words in said_in(answers).items()}
         return Heard(self.performer, seconds, self.segments, said, _SPANS, since, so_far)
 
 
@@ -87,15 +90,13 @@ def run(options: argparse.Namespace) -> None:
         if options.beside:
             raise ValueError("--beside: expected --movement, because the library's own motions are known there")
         note("everyday movement: the built-in library's motions of other classes than the gestures; --movement")
-    heard, named, answered = list[Heard](), list[int](), list[int]()
+    heard, named = list[Heard](), list[bool]()
     for number in progress(range(options.shows), "Playing", options.shows):
         show = drawn(library, everyday, options, number)
         answers = played(show, settings, beside=options.beside)
         heard.append(show.heard(answers))
-        gestures = {each.class_name for each in show.examples}
-        named.append(sum(each.outcome is Outcome.NAMED and each.class_name in gestures for each in answers))
-        answered.append(len(answers))
-    share = Ratio(named, answered).value()
+        named += [each.outcome is Outcome.NAMED and each.class_name in show.gestures for each in answers]
+    share = sum(named) / len(named) if named else None
     title = f"{counted(options.gestures, 'gesture')} of one performer among everyday movement"
     when = "delay: from a gesture's end to done, from its beginning to start"
     caption = f"{counted(options.shows, 'show')}; {harness.written(share)} of the time named; {when}"
@@ -125,8 +126,8 @@ def _everyday(options: argparse.Namespace) -> list[Clip]:
     place: Path | None = options.movement
     if place is None:
         return []
-    sources = Sources(tables=[place]) if place.suffix.lower() == ".csv" else Sources(unknown=[place])
-    takes = read_takes(sources, arguments.reading_of(options))
+    sources = harness.Sources(tables=[place]) if place.suffix.lower() == ".csv" else harness.Sources(unknown=[place])
+    takes = harness.read_takes(sources, arguments.reading_of(options))
     clips = [take.clip for take in takes if [each.label for each in take.segments] == [NOTHING]]
     if not clips:
         raise ValueError(f"--movement: expected a take without classes, got {len(takes)} with classes")
@@ -187,26 +188,19 @@ def _laid(
     parents = examples[0].skeleton.parents
     lengths = np.mean([lengths_of(each.positions, parents) for each in examples], axis=0)
     movement = _movement(others, parents, lengths)
-    pieces, gestures, frames, due = list["NDArray[np.floating]"](), dict[int, str](), 0, _EVERY
-    while frames < seconds * _RATE:
-        if frames < due * _RATE:
-            pieces.append(next(movement))
-        else:
-            gesture = next(asked)
-            gestures[len(pieces)] = gesture.class_name
-            pieces.append(resampled(gesture, _RATE).positions)
-        frames += len(pieces[-1]) + round(JOINED * _RATE)
-        if gestures.get(len(pieces) - 1):
-            due = frames / _RATE + _EVERY
-    positions, begins = joined(pieces, parents.index(-1), _RATE)
-    spans = {place: (begins[place], begins[place] + len(pieces[place])) for place in gestures}
-    segments = [Segment(spans[place][0] / _RATE, spans[place][1] / _RATE, name) for place, name in gestures.items()]
-    return Show(performer, examples, positions, segments)
+    pieces, segments, begin, due = list[Positions](), list[Segment](), 0, _EVERY
+    while begin < seconds * _RATE:
+        gesture = next(asked) if begin >= due * _RATE else None
+        pieces.append(resampled(gesture, _RATE).positions if gesture else next(movement))
+        end = begin + len(pieces[-1])
+        if gesture:
+            segments.append(Segment(begin / _RATE, end / _RATE, gesture.class_name))
+            due = (end + _BETWEEN) / _RATE + _EVERY
+        begin = end + _BETWEEN
+    return Show(performer, examples, joined(pieces, parents.index(-1)), segments)
 
 
-def _movement(
-    others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]
-) -> Iterator[NDArray[np.float64]]:
+def _movement(others: Iterator[Clip], parents: Sequence[int], lengths: NDArray[np.float64]) -> Iterator[Positions]:
     """Put recordings on the performer's bones, in pieces that leave room for gestures."""
     most = round(_EVERY * _RATE)
     for each in others:
@@ -214,11 +208,11 @@ def _movement(
         yield from (laid[first : first + most] for first in range(0, len(laid), most))
 
 
-#: Seconds in which one posture becomes the next.
-JOINED = 0.4
+#: Frames in which one posture becomes the next: 0.4 seconds.
+_BETWEEN = round(0.4 * _RATE)
 
 
-def lengths_of(positions: NDArray[np.floating], parents: Sequence[int]) -> NDArray[np.float64]:
+def lengths_of(positions: Positions, parents: Sequence[int]) -> NDArray[np.float64]:
     """Measure a body's segments: the mean distance of each joint from its parent, metres, 0 for the root.
 
     Parameters
@@ -234,9 +228,7 @@ def lengths_of(positions: NDArray[np.floating], parents: Sequence[int]) -> NDArr
     return lengths
 
 
-def on_bones(
-    positions: NDArray[np.floating], parents: Sequence[int], lengths: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def on_bones(positions: Positions, parents: Sequence[int], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     """Put a movement on another body: each segment keeps its direction and gets the body's length.
 
     The root's way is as much longer as the segments are together.
@@ -266,7 +258,7 @@ def turn(angle: float) -> NDArray[np.float64]:
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
-def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: int) -> NDArray[np.float64]:
+def facing(before: Positions, positions: Positions, root: int) -> NDArray[np.float64]:
     """Turn and move a piece about the vertical axis, y, so that it begins where a posture stands, facing as it does.
 
     Parameters
@@ -285,8 +277,8 @@ def facing(before: NDArray[np.floating], positions: NDArray[np.floating], root: 
     return moved
 
 
-def joined(pieces: Sequence[NDArray[np.floating]], root: int, rate: float) -> tuple[NDArray[np.float64], list[int]]:
-    """Join pieces to one walk; between two of them one posture becomes the next, slowly first and last.
+def joined(pieces: Sequence[Positions], root: int) -> NDArray[np.float64]:
+    """Join pieces to one walk; in `_BETWEEN` frames one posture becomes the next, slowly first and last.
 
     Parameters
     ----------
@@ -294,21 +286,16 @@ def joined(pieces: Sequence[NDArray[np.floating]], root: int, rate: float) -> tu
         Each of shape (frames, joints, 3), metres.
     root
         As in `facing`.
-    rate
-        Frames per second.
 
     Returns
     -------
-    The walk, shape (frames, joints, 3), metres, and the frame at which each piece begins.
+    The walk, shape (frames, joints, 3), metres.
     """
-    between = round(JOINED * rate)
-    share = (np.arange(1, between + 1) / (between + 1))[:, None, None]
+    share = (np.arange(1, _BETWEEN + 1) / (_BETWEEN + 1))[:, None, None]
     share = share * share * (3 - 2 * share)
-    walk, begins, frames = [np.asarray(pieces[0], dtype=np.float64)], [0], len(pieces[0])
+    walk = [np.asarray(pieces[0], dtype=np.float64)]
     for piece in pieces[1:]:
         last = walk[-1][-1]
         placed = facing(last, piece, root)
         walk += [last + share * (placed[0] - last), placed]
-        begins.append(frames + between)
-        frames += between + len(piece)
-    return np.concatenate(walk), begins
+    return np.concatenate(walk)

@@ -51,7 +51,6 @@ def run(options: argparse.Namespace) -> None:
     without = Kind(options.without_part) if options.without_part else None
     settings, played = settings_of(options), progress(asked, "Replaying", len(asked))
     courses = [course(each.take, _compared(each.library, without), classes, settings) for each in played]
-    score = scores.score_courses(courses, classes, harness.INSIDE)
     persons = _by_person(asked, courses, classes)
     if annotates:
         write_annotations(options.answers, courses)
@@ -59,8 +58,8 @@ def run(options: argparse.Namespace) -> None:
         scores.write_rows(options.answers, scores.answer_rows(courses, classes))
     if options.segments:
         scores.write_rows(options.segments, scores.segment_rows(courses, classes, harness.INSIDE))
-    found = score.as_json(by_person=by_person)
-    tables = [*scores.tables_of(score, found, "95 %, by person" if by_person else "95 %")]
+    found = scores.score_courses(courses, classes, harness.INSIDE).as_json(by_person=by_person)
+    tables = [*scores.tables_of(found, "95 %, by person" if by_person else "95 %")]
     if persons:
         found |= {"persons": persons, **_over(persons)}
         tables.append(scores.table_of_persons(persons, _over(persons), harness.protocol_of(options)))
@@ -99,10 +98,11 @@ def _by_person(
     asked: Sequence[harness.Asked], courses: Sequence[scores.Course], classes: Sequence[str]
 ) -> dict[str, _Values]:
     """Score the takes of each person's fold separately, if folds are persons'."""
-    pairs = [*zip(asked, courses, strict=True)]
-    people = sorted({each.person for each in asked} - {""})
-    own = {person: [course for each, course in pairs if each.person == person] for person in people}
-    return {person: scores.score_courses(each, classes, harness.INSIDE).values for person, each in own.items()}
+    values = dict[str, _Values]()
+    for person in sorted({each.person for each in asked} - {""}):
+        own = [course for each, course in zip(asked, courses, strict=True) if each.person == person]
+        values[person] = scores.values_of(scores.score_courses(own, classes, harness.INSIDE).figures)
+    return values
 
 
 def _over(persons: Mapping[str, _Values]) -> dict[str, _Values]:

@@ -19,9 +19,8 @@ from kinespace.stream.teaching.movement import moved_in
 from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
 from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
-from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.harness import Take
-from kinespace.tools.evaluation.scores import Percentile, Ratio, values_of
+from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at
+from kinespace.tools.evaluation.scores import percentile, ratio, values_of
 from kinespace.tools.feeding.feed import resampled
 
 #: A motion, and the name of the recording that it was cut from.
@@ -65,9 +64,13 @@ class Reply(NamedTuple):
         return sum(each != self.motion.class_name for each in self.classes)
 
 
+#: The replies by who asks, and by the number of examples.
+Replies = Mapping[tuple[str, int], Sequence[Reply]]
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    harness.add_sources(parser, "the built-in library's motions")
+    add_sources(parser, "the built-in library's motions")
     parser.add_argument("--person", default="", help="the performer of all takes that do not name one")
     text, usual = "examples of each class (default: 1 2 3)", [1, 2, 3]
     parser.add_argument("--examples", nargs="+", type=above_zero, default=usual, metavar="N", help=text)
@@ -81,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw examples, teach them, let other motions ask, and print how right the first start events were."""
-    takes = harness.takes_at(harness.sources_of(options), options, MotionLibrary.builtin())
+    takes = takes_at(options, MotionLibrary.builtin())
     by_person = _motions(takes, options)
     if strange := {*options.teachers} - {*by_person}:
         raise ValueError(f"--teachers: expected some of {', '.join(sorted(by_person))}, got {min(strange)!r}")
@@ -105,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _replies(
     by_person: Mapping[str, Sequence[Motion]], teachers: Sequence[str], options: argparse.Namespace
-) -> dict[tuple[str, int], list[Reply]]:
+) -> Replies:
     """Ask what each teacher's draws teach; give the replies by who asks, and by the number of examples."""
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
@@ -140,7 +143,7 @@ def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:
     """Give each person's motions, over the joints that the built-in library has, too: its persons teach the metrics."""
     by_person = defaultdict[str, list["Motion"]](list)
-    joints = harness.shared_joints([*(take.clip.skeleton for take in takes), MotionLibrary.builtin().skeleton])
+    joints = shared_joints([*(take.clip.skeleton for take in takes), MotionLibrary.builtin().skeleton])
     for take in takes:
         for clip in take.motions():
             actor = clip.actor or options.person
@@ -203,7 +206,7 @@ def _some(clips: Sequence[Clip], classes: Sequence[str], most: int, generator: n
 
 def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
     """Push a motion through the recogniser, and keep its start events."""
-    answers = harness.answers_to(harness.Feed.of(motion, index.library.skeleton), index, settings)
+    answers = answers_to(Feed.of(motion, index.library.skeleton), index, settings)
     starts = [event for each in answers for event in each.events if event.kind is EventKind.START]
     named = sum(answer.outcome is Outcome.NAMED for answer in answers)
     delay = starts[0].time if starts else np.nan
@@ -219,16 +222,6 @@ def _strangers(asked: Sequence[Clip], taught: WindowIndex, examples: Sequence[in
     for name in {clip.class_name for clip in asked}:
         opened[name] = taught.of_some([each for each in examples if motions[each].class_name != name])
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
-
-
-def _of_unknown(asked: Sequence[Reply], prefix: str) -> dict[str, Ratio]:
-    """Give the figures of motions whose class was left out, which are named by mistake."""
-    named, answers = [each.named for each in asked], [each.answers for each in asked]
-    starts, seconds = [len(each.classes) for each in asked], [each.motion.duration for each in asked]
-    return {
-        f"{prefix}unknown_named": Ratio(named, answers),
-        f"{prefix}unknown_starts_per_minute": Ratio(starts, seconds, 60),
-    }
 
 
 def begun(motions: Sequence[Clip]) -> dict[str, float]:
@@ -256,9 +249,7 @@ def stood(takes: Sequence[Clip]) -> dict[str, float | None]:
     return {"stood_begins": float(np.mean(begins)) if begins else None, "stood": len(begins)}
 
 
-def scored(
-    replies: Mapping[tuple[str, int], Sequence[Reply]], examples: Sequence[int]
-) -> dict[str, list[float | None]]:
+def scored(replies: Replies, examples: Sequence[int]) -> dict[str, list[float | None]]:
     """Give the figures for each number of examples, in order; None where no motion could ask.
 
     Of the same person's motions and of others': the shares whose first start event is right, that had a start event,
@@ -274,16 +265,19 @@ def scored(
             right, one = [each.right for each in asked], [1.0] * len(asked)
             started = [bool(each.classes) for each in asked]
             false, seconds = [each.false_starts for each in asked], [each.motion.duration for each in asked]
-            values = values_of(
-                {
-                    f"{whose}_first_right": Ratio(right, one),
-                    f"{whose}_started": Ratio(started, one),
-                    f"{whose}_first_right_of_started": Ratio(right, started),
-                    f"{prefix}delay_s": Percentile([[each.delay] for each in asked if each.right], 50),
-                    f"{prefix}false_per_minute": Ratio(false, seconds, 60),
-                    **(_of_unknown(replies.get((f"unknown {whose}", count), []), prefix) if left_out else {}),
-                }
-            )
-            for name, value in (values | {f"{whose}_asked": len(asked)}).items():
+            found = {
+                f"{whose}_first_right": ratio(right, one),
+                f"{whose}_started": ratio(started, one),
+                f"{whose}_first_right_of_started": ratio(right, started),
+                f"{prefix}delay_s": percentile([[each.delay] for each in asked if each.right], 50),
+                f"{prefix}false_per_minute": ratio(false, seconds, 60),
+            }
+            if left_out:
+                unknown = replies.get((f"unknown {whose}", count), [])
+                starts, seconds = [len(each.classes) for each in unknown], [each.motion.duration for each in unknown]
+                named, answers = [each.named for each in unknown], [each.answers for each in unknown]
+                found[f"{prefix}unknown_named"] = ratio(named, answers)
+                found[f"{prefix}unknown_starts_per_minute"] = ratio(starts, seconds, 60)
+            for name, value in (values_of(found) | {f"{whose}_asked": len(asked)}).items():
                 figures[name].append(value)
     return dict(figures)

@@ -7,7 +7,7 @@ import argparse
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
@@ -276,7 +276,7 @@ class Asked(NamedTuple):
 
 
 def asked_by(
-    takes: Sequence[Take], protocol: Protocol, library: Callable[[], MotionLibrary], *, either_side: bool = False
+    takes: Sequence[Take], protocol: Protocol, library: MotionLibrary | None = None, *, either_side: bool = False
 ) -> list[Asked]:
     """Say which library recognises which take; takes of one library come together.
 
@@ -290,7 +290,7 @@ def asked_by(
     protocol
         How libraries are made.
     library
-        Gives the library of `Protocol.LIBRARY`; not called for other protocols.
+        The library of `Protocol.LIBRARY`; other protocols need none.
     either_side
         Whether the libraries that are made have each motion mirrored, too.
 
@@ -299,9 +299,8 @@ def asked_by(
     ValueError
         The performers are not known, or no motion is left to make a library of.
     """
-    if protocol is Protocol.LIBRARY:
-        given = library()
-        return [Asked(take, given) for take in takes]
+    if library and protocol is Protocol.LIBRARY:
+        return [Asked(take, library) for take in takes]
     labelled = [take for take in takes if take.is_known]
     every = [*labelled, *(take for take in takes if not take.is_known)]
     by_take = protocol is Protocol.LEAVE_ONE_TAKE_OUT
@@ -366,8 +365,7 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
 def add_asked(parser: argparse.ArgumentParser) -> None:
     """Add the options for takes of all kinds, and for the library and the recogniser that are asked."""
     add_sources(parser, "the library's own motions")
-    text = "recordings, or folders, without known motions"
-    parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help=text)
+    parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help="takes, or folders, without known motions")
     arguments.add_takes(parser)
     arguments.add_shared(parser, "--library", "--either-side")
     text = (
@@ -385,9 +383,9 @@ def sources_of(options: argparse.Namespace) -> Sources:
     return arguments.made_of(Sources, options, **further)
 
 
-def takes_at(sources: Sources, options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
+def takes_at(options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
     """Read the takes; without any give the motions of a library."""
-    if sources:
+    if sources := sources_of(options):
         return read_takes(sources, arguments.reading_of(options))
     return [take for take in takes_of(library.motions) if sources.wants(take.person)]
 
@@ -417,14 +415,10 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     if protocol is Protocol.LIBRARY or not sources:
         given = arguments.library_at(options.library)
         given = given.restricted_to(arguments.joints_of(options.skeleton)) if options.skeleton else given
-    takes = takes_at(sources, options, given or MotionLibrary.builtin())
+    takes = takes_at(options, given or MotionLibrary.builtin())
     joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else ())])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-
-    def library() -> MotionLibrary:
-        return (given or MotionLibrary.builtin()).restricted_to(joints)
-
-    asked = asked_by(takes, protocol, library, either_side=options.either_side)
+    asked = asked_by(takes, protocol, given and given.restricted_to(joints), either_side=options.either_side)
     classes = tuple(sorted({name for each in asked for name in each.library.classes}))
     _require_classes(takes, sources, classes)
     return asked, classes

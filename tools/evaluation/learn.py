@@ -32,9 +32,8 @@ from kinespace.stream import Settings
 from kinespace.stream.recognizer.decision import NOT_JUDGED, averaged
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import progress, require_place_for, scores_of, tell
-from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_faults import noisy
-from kinespace.tools.evaluation.harness import Sources, Take, read_takes
+from kinespace.tools.evaluation.harness import Feed, Sources, Take, answers_to, read_takes
 
 #: Seconds between two windows that take part in learning.
 _HOP = 0.1
@@ -116,6 +115,10 @@ class _Course(NamedTuple):
     def known(self) -> Evidenced:
         """Give the windows whose guess is a class that the take contains."""
         return [window for window in self.windows if window[1] in self.take.contains]
+
+
+#: Takes, each with the numbers that judge it.
+_Judged = Sequence[tuple[_Course, Rejection]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -228,25 +231,21 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     return np.array(means, dtype=np.float16)
 
 
-class _Body(NamedTuple):
-    """What takes and a library's own motions show with some of the joints; evidence is relative to what is typical."""
+def _seen_of(
+    library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]
+) -> tuple[list[Lesson], list[_Course], list[_Course]]:
+    """Let a library of some of the joints recognise its own motions, takes, and takes that have no other joints.
 
-    own: list[Lesson]
-    courses: list[_Course]
-    #: The courses of takes that have no other joints.
-    fewer: list[_Course]
-
-    @classmethod
-    def of(cls, library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> "_Body":
-        """Let takes, and takes that have no other joints, be recognised."""
-        opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
-        typical = opened.rejection.typical
-        every = progress([*fewer, *takes], "Fewer joints", len(fewer) + len(takes))
-        clips = ((take, take.clip.restricted_to(library.skeleton.joints)) for take in every)
-        shown = [_Course(take, _relative(_windows(opened, clip), typical)) for take, clip in clips]
-        lessons = _own_lessons(_own_courses(library, follow=False))
-        own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
-        return cls(own, shown[len(fewer) :], shown[: len(fewer)])
+    Evidence is relative to what is typical.
+    """
+    opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
+    typical = opened.rejection.typical
+    every = progress([*takes, *fewer], "Fewer joints", len(takes) + len(fewer))
+    clips = ((take, take.clip.restricted_to(library.skeleton.joints)) for take in every)
+    shown = [_Course(take, _relative(_windows(opened, clip), typical)) for take, clip in clips]
+    lessons = _own_lessons(_own_courses(library, follow=False))
+    own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
+    return own, shown[: len(takes)], shown[len(takes) :]
 
 
 def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> Rejection:
@@ -261,22 +260,20 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     takes, fewer
         Takes with all joints of the library, and takes of bodies with fewer.
     """
-    groups, everyone = len(ACROSS_LABORATORIES.groups), library.skeleton.joints
-    by_joints: defaultdict[tuple[str, ...], list[Take]] = defaultdict(list)
+    by_joints = defaultdict[tuple[str, ...], list[Take]](list)
     for take in fewer:
-        by_joints[tuple(name for name in everyone if name in take.clip.skeleton.joints)].append(take)
+        by_joints[tuple(name for name in library.skeleton.joints if name in take.clip.skeleton.joints)].append(take)
     most = max(map(len, by_joints))
     # Where a file has numbers for few joints, evidence is relative to these motions: the numbers do not matter here.
     judged = replace(library, learned=replace(_NOTHING_LEARNED, joints=most).kept(few=True))
-    bodies = [_Body.of(judged.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
-
-    shown = [[*body.courses, *body.fewer] for body in bodies]
+    bodies = [_seen_of(judged.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
+    shown = [[*courses, *of_fewer] for _, courses, of_fewer in bodies]
 
     def fit(persons: Collection[str] = ()) -> Rejection:
         lessons = list[Lesson]()
-        for own, *several in bodies:
-            lessons += [*own, *(lesson for courses in several for lesson in _lessons(courses, persons))]
-        return fitted(lessons, library.classes, np.zeros(2 * groups))
+        for own, courses, of_fewer in bodies:
+            lessons += [*own, *_lessons(courses, persons), *_lessons(of_fewer, persons)]
+        return fitted(lessons, library.classes, np.zeros(_SHAPE))
 
     apart = _fitted_apart([each for courses in shown for each in courses], fit)
     of_bodies = [[(each, fit) for each, fit in apart if each in courses] for courses in shown]
@@ -355,15 +352,13 @@ def _windows(
     index: WindowIndex, clip: Clip, noise: float = 0.0, seed: int | None = None, begun: float = 0.0
 ) -> Evidenced:
     """Push a clip through the recogniser, as a noisy sensor sees it if asked; give its windows from a time on."""
-    feed = harness.Feed.of(clip, index.library.skeleton)
+    feed = Feed.of(clip, index.library.skeleton)
     feed = feed if seed is None else noisy(noise)(feed, np.random.default_rng(seed))
-    answers = harness.answers_to(feed, index, Settings(hop=_HOP))
+    answers = answers_to(feed, index, Settings(hop=_HOP))
     return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence and each.time >= begun]
 
 
-def _fitted_apart(
-    courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]
-) -> list[tuple[_Course, Rejection]]:
+def _fitted_apart(courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]) -> _Judged:
     """Pair each take with a rejection that is fitted without the takes of some persons, its own among them."""
     people = sorted({each.take.person for each in courses})
     if len(people) < 2:
@@ -466,7 +461,7 @@ def _numbers(windows: Evidenced, class_names: Sequence[str], typical: NDArray[np
     return np.column_stack([compared, noise, guesses, guesses * leads[:, None]])
 
 
-def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]], rate: float) -> float:
+def _threshold(own: Sequence[_Own], judged: _Judged, rate: float) -> float:
     """Find the threshold at which this share of unknown time is named, by halving.
 
     With own motions the biases are raised for every threshold that is tried.
@@ -480,7 +475,7 @@ def _threshold(own: Sequence[_Own], judged: Sequence[tuple[_Course, Rejection]],
     return high
 
 
-def _figures(judged: Sequence[tuple[_Course, Rejection]], threshold: float) -> dict[str, float]:
+def _figures(judged: _Judged, threshold: float) -> dict[str, float]:
     """Count the results of a threshold on the takes: shares of unknown time and of takes, and starts a minute."""
     named = seconds = starts = found = containing = 0.0
     for course, rejection in judged:

@@ -7,11 +7,10 @@ other persons, persons are drawn in place of units, each with all that is theirs
 """
 
 import csv
-from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -39,21 +38,20 @@ _ENDS = (2.5, 97.5)
 Interval = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Figure(ABC):
+@dataclass(frozen=True, slots=True)
+class Figure:
     """A figure computed from units.
 
     Attributes
     ----------
+    of
+        Gives the figure of each draw, shape (draws,); NaN for a draw without units for it.
     persons
         For each kind of units the person of each unit; empty where persons do not matter.
     """
 
+    of: Callable[[Draw], NDArray[np.float64]]
     persons: Sequence[Sequence[str]] = ()
-
-    @abstractmethod
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Give the figure of each draw, shape (draws,); NaN for a draw without units for it."""
 
     def value(self) -> float | None:
         """Give the figure of all units; None when there are no units for it."""
@@ -70,72 +68,60 @@ class Figure(ABC):
         return low, high
 
 
-@dataclass(frozen=True, slots=True)
-class Ratio(Figure):
-    """One sum over units divided by another: a share, or a rate.
+#: Numbers, one of each unit.
+Numbers = Sequence[float] | NDArray[np.float64]
 
-    Attributes
-    ----------
-    counted, among
-        The numbers of each unit.
-    scale
-        A factor on the quotient.
+
+def ratio(counted: Numbers, among: Numbers, scale: float = 1.0, *, persons: Sequence[Sequence[str]] = ()) -> Figure:
+    """Divide one sum over units by another, for a share or a rate; `scale` is a factor on the quotient."""
+
+    def of(draw: Draw) -> NDArray[np.float64]:
+        drawn = draw(len(among), 0)
+        above, below = (drawn @ np.asarray(each, dtype=np.float64) for each in (counted, among))
+        return scale * _quotient(above, below)
+
+    return Figure(of, persons)
+
+
+def percentile(values: Sequence[Sequence[float]], percent: float, *, persons: Sequence[Sequence[str]] = ()) -> Figure:
+    """Take a percentile of values; each unit has none, one or several values."""
+
+    def of(draw: Draw) -> NDArray[np.float64]:
+        every = np.array([value for each in values for value in each], dtype=np.float64)
+        unit = np.repeat(np.arange(len(values)), [len(each) for each in values])
+        counts = draw(len(values), 0).astype(np.intp)[:, unit]
+        return np.array([np.percentile(np.repeat(every, n), percent) if n.any() else np.nan for n in counts])
+
+    return Figure(of, persons)
+
+
+#: The values of each unit, finite, any number of them.
+Values = Sequence[NDArray[np.float64]]
+
+
+def roc_area(higher: Values, lower: Values, *, persons: Sequence[Sequence[str]] = ()) -> Figure:
+    """Give the probability that a value of the first units is above one of the second, ties counting half.
+
+    Both kinds of units are drawn by themselves (Mann-Whitney).
     """
 
-    counted: Sequence[float]
-    among: Sequence[float]
-    scale: float = 1.0
+    def of(draw: Draw) -> NDArray[np.float64]:
+        first, second = draw(len(higher), 0), draw(len(lower), 1)
+        pairs = (first @ [*map(len, higher)]) * (second @ [*map(len, lower)])
+        return _quotient(((first @ _wins(higher, lower)) * second).sum(axis=1), pairs)
 
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Divide the sums over each draw."""
-        drawn = draw(len(self.among), 0)
-        counted, among = (drawn @ np.asarray(each, dtype=np.float64) for each in (self.counted, self.among))
-        return self.scale * _quotient(counted, among)
+    return Figure(of, persons)
 
 
-@dataclass(frozen=True, slots=True)
-class Percentile(Figure):
-    """A percentile of values; each unit has none, one or several values."""
-
-    values: Sequence[Sequence[float]]
-    percent: float
-
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Take the percentile of the values of each draw."""
-        values = np.array([value for each in self.values for value in each], dtype=np.float64)
-        unit = np.repeat(np.arange(len(self.values)), [len(each) for each in self.values])
-        counts = draw(len(self.values), 0).astype(np.intp)[:, unit]
-        return np.array([np.percentile(np.repeat(values, n), self.percent) if n.any() else np.nan for n in counts])
-
-
-@dataclass(frozen=True, slots=True)
-class RocArea(Figure):
-    """The probability that a value of the first units is above one of the second, ties counting half (Mann-Whitney).
-
-    Attributes
-    ----------
-    higher, lower
-        The values of each unit, finite, any number of them.
-    """
-
-    higher: Sequence[NDArray[np.float64]]
-    lower: Sequence[NDArray[np.float64]]
-
-    def of(self, draw: Draw) -> NDArray[np.float64]:
-        """Compare the values of each draw, both kinds drawn by themselves."""
-        first, second = draw(len(self.higher), 0), draw(len(self.lower), 1)
-        pairs = (first @ [*map(len, self.higher)]) * (second @ [*map(len, self.lower)])
-        return _quotient(((first @ self._wins()) * second).sum(axis=1), pairs)
-
-    def _wins(self) -> NDArray[np.float64]:
-        """Count for each two units in how many pairs of their values the first is above, shape (higher, lower)."""
-        edges = np.cumsum([0, *map(len, self.higher)])
-        together = np.concatenate([np.zeros(0), *self.higher])
-        wins = np.zeros((len(self.higher), len(self.lower)))
-        for column, each in zip(wins.T, map(np.sort, self.lower), strict=True):
-            below = np.searchsorted(each, together, side="left") + np.searchsorted(each, together, side="right")
-            column[:] = np.diff(np.append(0.0, np.cumsum(below / 2))[edges])
-        return wins
+def _wins(higher: Values, lower: Values) -> NDArray[np.float64]:
+    """Count for each two units in how many pairs of their values the first is above, shape (higher, lower)."""
+    edges = np.cumsum([0, *map(len, higher)])
+    together = np.concatenate([np.zeros(0), *higher])
+    wins = np.zeros((len(higher), len(lower)))
+    for column, each in zip(wins.T, map(np.sort, lower), strict=True):
+        below = np.searchsorted(each, together, side="left") + np.searchsorted(each, together, side="right")
+        column[:] = np.diff(np.append(0.0, np.cumsum(below / 2))[edges])
+    return wins
 
 
 def _drawn(units: int, kind: int) -> NDArray[np.float64]:
@@ -514,6 +500,8 @@ def _cell(value: object) -> object:
 
 
 _Item = TypeVar("_Item")
+#: Of each unit the stretches: a segment has one for each library that was asked.
+_Stretches = Sequence[Sequence[Stretch]]
 #: Counts in a stretch, or in a take.
 _Counted = Callable[[_Item], float]
 _seconds = attrgetter("seconds")
@@ -532,38 +520,27 @@ def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
     return {"seconds": float(sum(seconds)), "segments": len(seconds), "persons": known}
 
 
-@dataclass(frozen=True, eq=False)
-class StreamScore:
+class StreamScore(NamedTuple):
     """How right the answers to some takes were.
 
     Attributes
     ----------
     figures
         By name; `tables_of` says of each what it is. Shares are 0 to 1.
-    classes
-        Of each class performed, the seconds, and the shares of its time guessed right, and right with the last second
-        inside the segment.
-    known, unknown, containing
-        The basis of the figures of known motions, of unknown motions, and of `takes_found` (segments are takes for the
-        last). A segment that several libraries were asked about counts once.
+    described
+        `classes`: of each class performed, the seconds, and the shares of its time guessed right, and right with the
+        last second inside the segment. `known`, `unknown`, `containing`: the basis of the figures of known motions, of
+        unknown motions, and of `takes_found` (segments are takes for the last). A segment that several libraries were
+        asked about counts once.
     """
 
     figures: Mapping[str, Figure]
-    classes: dict[str, dict[str, float]] = field(repr=False)
-    known: Basis
-    unknown: Basis
-    containing: Basis
-
-    @cached_property
-    def values(self) -> dict[str, float | None]:
-        """The value of each figure; None where there is nothing to take a share of."""
-        return values_of(self.figures)
+    described: Mapping[str, Mapping[str, Any]]
 
     def as_json(self, *, by_person: bool = False) -> dict[str, Any]:
         """Give values, classes, bases, and the 95 % interval of each figure (`Figure.interval`)."""
-        bases = {"known": self.known, "unknown": self.unknown, "containing": self.containing}
         intervals = intervals_of(self.figures, by_person=by_person)
-        return {**self.values, "classes": self.classes, **bases, "intervals": intervals}
+        return {**values_of(self.figures), **self.described, "intervals": intervals}
 
 
 def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
@@ -595,7 +572,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         "unknown_answered": _ratio(unknown, lambda each: each.named, _seconds),
         "false_per_minute": _ratio(unknown, lambda each: each.begun, _seconds, 60),
         "false_starts_per_minute": _ratio(unknown, lambda each: each.started, _seconds, 60),
-        "auc_unknown": RocArea(_scores(known), _scores(unknown), persons=(_persons(known), _persons(unknown))),
+        "auc_unknown": roc_area(_scores(known), _scores(unknown), persons=(_persons(known), _persons(unknown))),
         "takes_found": _ratio(containing, _found, lambda each: len(each.contains)),
         "changes_per_minute": _ratio(takes, lambda each: _changes(each.event), _seconds, 60),
         "true_changes_per_minute": _ratio(takes, lambda each: _changes(each.truth), _seconds, 60),
@@ -604,7 +581,8 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
     }
     of_classes = sorted(_grouped(of_known, "truth"), key=lambda own: own[0].truth)
     by_class = {classes[own[0].truth]: _score_of_class(_grouped(own, "key")) for own in of_classes}
-    return StreamScore(figures, by_class, _basis(known), _basis(unknown), _basis(containing))
+    bases = {"known": _basis(known), "unknown": _basis(unknown), "containing": _basis(containing)}
+    return StreamScore(figures, {"classes": by_class, **bases})
 
 
 def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
@@ -617,20 +595,18 @@ def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
 
 def _ratio(
     units: Sequence[Sequence[_Item]], counted: _Counted[_Item], among: _Counted[_Item], scale: float = 1
-) -> Ratio:
+) -> Figure:
     above, below = ([float(sum(map(count, unit))) for unit in units] for count in (counted, among))
-    return Ratio(above, below, scale, persons=(_persons(units),))
+    return ratio(above, below, scale, persons=(_persons(units),))
 
 
-def _percentile(
-    units: Sequence[Sequence[Stretch]], measured: Callable[[Stretch], float | None], percent: float
-) -> Percentile:
+def _percentile(units: _Stretches, measured: Callable[[Stretch], float | None], percent: float) -> Figure:
     """Take a percentile of a number over the stretches that have it."""
     values = [[value for each in unit if (value := measured(each)) is not None] for unit in units]
-    return Percentile(values, percent, persons=(_persons(units),))
+    return percentile(values, percent, persons=(_persons(units),))
 
 
-def _scores(units: Sequence[Sequence[Stretch]]) -> list[NDArray[np.float64]]:
+def _scores(units: _Stretches) -> list[NDArray[np.float64]]:
     return [np.concatenate([each.scores for each in unit]) for unit in units]
 
 
@@ -653,7 +629,7 @@ def _changes(track: NDArray[np.intp]) -> int:
     return int(np.count_nonzero(np.diff(track[begun[0] :]))) if begun.size else 0
 
 
-def _score_of_class(units: Sequence[Sequence[Stretch]]) -> dict[str, float]:
+def _score_of_class(units: _Stretches) -> dict[str, float]:
     right = _ratio(units, lambda each: each.right, _seconds).value()
     inside = _ratio(units, lambda each: each.right_inside, lambda each: each.inside).value()
     return {"seconds": _basis(units)["seconds"] or 0.0, "right": right or 0.0, "right_inside": inside or 0.0}
@@ -689,22 +665,22 @@ _CLASSES = "class {name} | seconds {seconds:.1f} | right {right:.1%} | right, la
 _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "unknown_answered", "takes_found")
 
 
-def tables_of(score: StreamScore, found: Mapping[str, Any], headed: str) -> Iterator[Table]:
+def tables_of(found: Mapping[str, Any], headed: str) -> Iterator[Table]:
     """Draw what `StreamScore.as_json` has found: figures, intervals (below `headed`), basis, each class's result."""
     rows = list[tuple[str, ...]]()
     for heading, basis, unit, figures in (
-        ("known motions", score.known, "segment", _KNOWN),
-        ("unknown motions", score.unknown, "segment", _UNKNOWN),
-        ("takes that contain a class", score.containing, "take", _CONTAINING),
-        ("whole takes", score.known, "", _WHOLE),
+        ("known motions", found["known"], "segment", _KNOWN),
+        ("unknown motions", found["unknown"], "segment", _UNKNOWN),
+        ("takes that contain a class", found["containing"], "take", _CONTAINING),
+        ("whole takes", found["known"], "", _WHOLE),
     ):
         if basis["segments"]:
             rows.append((f"{heading}: {rests_on(basis, unit)}" if unit else heading,))
             for name, (text, form) in figures.items():
                 rows.append((f"  {text}", written(found[name], form), interval(found["intervals"][name], form)))
     yield table_of("Answers against the motion performed at that moment", ("", "", headed), rows)
-    if score.classes:
-        yield scores_of(({"name": name, **each} for name, each in score.classes.items()), _CLASSES, title="By class")
+    if classes := found["classes"]:
+        yield scores_of(({"name": name, **each} for name, each in classes.items()), _CLASSES, title="By class")
 
 
 def table_of_persons(

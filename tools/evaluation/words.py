@@ -14,7 +14,7 @@ from kinespace.library import NOTHING
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind, Recognition
 from kinespace.tools.evaluation.harness import Take
-from kinespace.tools.evaluation.scores import Figure, Percentile, Ratio, intervals_of, values_of
+from kinespace.tools.evaluation.scores import Figure, intervals_of, percentile, ratio, values_of
 
 #: Seconds after a segment's end up to which a motion may end that belongs to it, and the share of the motion that must
 #: lie in the segment: labels are right to a tenth of a second at best.
@@ -285,17 +285,14 @@ def score_words(takes: Sequence[Heard]) -> dict[str, dict[str, Any]]:
     """
     scores, persons = dict[str, dict[str, "Any"]](), [[each.person for each in takes]]
     for kind in KINDS:
-        right, false, missed = (
-            [count(each, kind) for each in takes] for count in (Heard.right, Heard.false, Heard.missed)
-        )
-        words, gestures = ([a + b for a, b in zip(right, each, strict=True)] for each in (false, missed))
-        twice, both = [2 * each for each in right], [a + b for a, b in zip(words, gestures, strict=True)]
+        counts = [(each.right(kind), each.false(kind), each.missed(kind)) for each in takes]
+        right, false, missed = np.array(counts, dtype=np.float64).reshape(-1, 3).T
         figures: dict[str, Figure] = {
-            "f1": Ratio(twice, both, persons=persons),
-            "found": Ratio(right, gestures, persons=persons),
-            "right": Ratio(right, words, persons=persons),
-            "false_per_hour": Ratio(false, [each.seconds for each in takes], 3600, persons=persons),
-            "delay_s": Percentile([each.delays(kind) for each in takes], 50, persons=persons),
+            "f1": ratio(2 * right, 2 * right + false + missed, persons=persons),
+            "found": ratio(right, right + missed, persons=persons),
+            "right": ratio(right, right + false, persons=persons),
+            "false_per_hour": ratio(false, [each.seconds for each in takes], 3600, persons=persons),
+            "delay_s": percentile([each.delays(kind) for each in takes], 50, persons=persons),
         }
         scores[kind] = {**values_of(figures), "intervals": intervals_of(figures, by_person=True)}
     return scores

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
@@ -35,8 +36,6 @@ class Cue:
         Seconds from the feed's start.
     frame
         The frame to send.
-    seq
-        The sender's count.
     class_name
         The class that is being performed; empty when it is not known.
     recording
@@ -45,7 +44,6 @@ class Cue:
 
     due: float
     frame: Frame
-    seq: int
     class_name: str = ""
     recording: int = 0
 
@@ -86,18 +84,17 @@ def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, p
     performer, speed, pause
         As in `clip_cues`.
     """
-    begin, ended, seq, recording = 0.0, 0.0, 0, 0
+    begin, ended, recording = 0.0, 0.0, -1
     for start, clip in pieces:
-        if not start and seq:
-            begin += ended + pause
+        if not start:
+            begin += ended + pause if ended else 0.0
             recording += 1
         times = np.arange(start, start + clip.frames) / clip.frame_rate
         ended = (start + clip.frames) / clip.frame_rate
         for moment, positions in zip(times.tolist(), clip.positions, strict=True):
             # Time 0 would mean "on arrival".
             frame = Frame(performer, 1.0 + begin + moment, positions)
-            yield Cue((begin + moment) / speed, frame, seq, clip.class_name, recording)
-            seq += 1
+            yield Cue((begin + moment) / speed, frame, clip.class_name, recording)
 
 
 def resampled(clip: Clip, frame_rate: float) -> Clip:
@@ -143,15 +140,19 @@ class OscFrameSender(osc.OscSender):
         """Send `/motion/skeleton`."""
         self.send(osc.encode_announcement(announcement))
 
-    def encode(self, cue: Cue) -> Any:  # noqa: ANN401 - each sender's own kind of packet, which `send` takes
+    def encode(self, frame: Frame) -> Any:  # noqa: ANN401 - each sender's own kind of packet, which `send` takes
         """Make a `/motion/frame`."""
-        return osc.encode_frame(cue.frame)
+        return osc.encode_frame(frame)
 
 
 class ZmqFrameSender(zeromq.ZmqSender):
     """Publishes frames as ZeroMQ messages, the joint names with the first frame after each announcement."""
 
     _announced: Sequence[str] | None = None
+
+    def __init__(self, *given: Any, **further: Any) -> None:  # noqa: ANN401 - as `ZmqSender`
+        super().__init__(*given, **further)
+        self._numbers = defaultdict[str, "count[int]"](count)
 
     def greet(self) -> None:
         """Send an empty message, to find out whether it arrives."""
@@ -161,9 +162,9 @@ class ZmqFrameSender(zeromq.ZmqSender):
         """Put the joint names into the next frame's header."""
         self._announced = announcement.joints
 
-    def encode(self, cue: Cue) -> Any:  # noqa: ANN401 - as above
-        """Make the message of a frame, with the joint names when they were just announced."""
-        parts = zeromq.encode_frame(cue.frame, cue.seq, self._announced)
+    def encode(self, frame: Frame) -> Any:  # noqa: ANN401 - as above
+        """Make the message of a performer's next frame, with the joint names when they were just announced."""
+        parts = zeromq.encode_frame(frame, next(self._numbers[frame.performer]), self._announced)
         self._announced = None
         return parts
 
@@ -185,7 +186,6 @@ class FrameStream:
     def __init__(self, sender: FrameSender, joints: tuple[str, ...]) -> None:
         self.sender, self._joints = sender, joints
         self._announced: dict[str, float] = {}
-        self._numbers = count()
 
     def send(self, frame: Frame) -> None:
         """Send a frame."""
@@ -193,7 +193,7 @@ class FrameStream:
         if now - self._announced.get(frame.performer, -math.inf) >= ANNOUNCE_EVERY:
             self._announced[frame.performer] = now
             self.sender.announce(Announcement(frame.performer, self._joints))
-        self.sender.send(self.sender.encode(Cue(frame.time, frame, next(self._numbers))))
+        self.sender.send(self.sender.encode(frame))
 
 
 class Pace:

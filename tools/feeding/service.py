@@ -106,7 +106,7 @@ def play(cues: Iterable[Cue], senders: Sequence[FrameSender], listener: Listener
     """Send every frame when it is due, by further senders so many seconds apart; collect all that comes back."""
     pace, sent, received = Pace(), [list[float]() for _ in senders], list[Received]()
     for cue in cues:
-        packets = [sender.encode(cue) for sender in senders]
+        packets = [sender.encode(cue.frame) for sender in senders]
         for place, (sender, packet) in enumerate(zip(senders, packets, strict=True)):
             received += listener.listen_until(pace.moment(cue.due + place * apart))
             # Before the call, because the answer may be on its way before the call returns.

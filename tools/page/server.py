@@ -24,7 +24,7 @@ from functools import lru_cache
 from http import HTTPStatus
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
@@ -50,12 +50,7 @@ from kinespace.tools.page.process import Plan, Subscription
 MAX_MESSAGE = 4096
 #: The path of the WebSocket.
 SOCKET = "/live"
-_TYPES = {
-    "html": "text/html; charset=utf-8",
-    "css": "text/css; charset=utf-8",
-    "js": "text/javascript; charset=utf-8",
-    "svg": "image/svg+xml; charset=utf-8",
-}
+_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self' ws://{host}; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -174,7 +169,8 @@ def static_file(path: str, host: str) -> Response:
     file = resources.files("kinespace.tools.page") / "static" / name
     if kind is None or "/" in name or "\\" in name or not file.is_file():
         return refusal(404, "no such file")
-    return response(200, file.read_bytes(), kind, {"Content-Security-Policy": _POLICY.format(host=host)})
+    policy = {"Content-Security-Policy": _POLICY.format(host=host)}
+    return response(200, file.read_bytes(), f"{kind}; charset=utf-8", policy)
 
 
 _GUARDS = {
@@ -242,10 +238,24 @@ def _motions_of(library: MotionLibrary) -> Mapping[str, object]:
 _LOOK = 0.2
 
 
-_Client = TypeVar("_Client")
+class _Client:
+    """A page or a program that is served: what waits for it; of a page also what it has seen, and was sent, by number.
+
+    Parameters
+    ----------
+    most
+        Messages that wait, at most: the newest.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.ready, self.woken = asyncio.Event(), asyncio.Event()
+        self.ready.set()
+        self.woken.set()
+        self.waiting: deque[Any] = deque(maxlen=most)
+        self.seen = self.sent = 0
 
 
-class ClientServer(ABC, Generic[_Client]):
+class ClientServer(ABC):
     """Takes a recogniser's messages and serves clients.
 
     Parameters
@@ -258,8 +268,8 @@ class ClientServer(ABC, Generic[_Client]):
 
     #: Of the printed address, and of `websockets.asyncio.server.serve`.
     scheme, limits = "ws", dict[str, Any]()
-    #: Makes what is known of a client.
-    client: type[_Client]
+    #: Messages that wait for a client, at most.
+    most: int
 
     def __init__(self, subscription: Subscription, gate: Gate) -> None:
         self._subscription, self._gate = subscription, gate
@@ -308,7 +318,7 @@ class ClientServer(ABC, Generic[_Client]):
 
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Serve one client until it leaves."""
-        client = self.client()
+        client = _Client(self.most)
         self._clients.add(client)
         sending = asyncio.create_task(self.send(connection, client))
         try:
@@ -346,25 +356,7 @@ _NO_CONTROL = "start kinespace live with --teach FILE to teach from here"
 _NO_REPLY = "the recogniser does not reply"
 
 
-class _Page:
-    """One open page: the newest entry that it has seen, the number of its last message, replies to send."""
-
-    def __init__(self) -> None:
-        self.ready, self.woken = asyncio.Event(), asyncio.Event()
-        self.ready.set()
-        self.woken.set()
-        self.seen = self.sent = 0
-        #: The newest: a page that draws nothing gets no further ones.
-        self.replies: deque[dict[str, Any]] = deque(maxlen=MAX_REPLIES)
-
-    def acknowledged(self, number: int) -> None:
-        """Note that a message was drawn."""
-        if number == self.sent:
-            self.seen = number
-            self.ready.set()
-
-
-class PageServer(ClientServer[_Page]):
+class PageServer(ClientServer):
     """Serves the page and keeps the board.
 
     Parameters
@@ -379,7 +371,7 @@ class PageServer(ClientServer[_Page]):
         The files of the motions that may be named.
     """
 
-    scheme, client = "http", _Page
+    scheme, most = "http", MAX_REPLIES
     limits = {"max_size": MAX_MESSAGE, "max_queue": 4, "open_timeout": _MAX_OPENING}  # noqa: RUF012 - never changed
 
     def __init__(
@@ -424,29 +416,30 @@ class PageServer(ClientServer[_Page]):
         """Encode a motion of each class as JSON; what was taught hides the library's."""
         return msgspec.json.encode({name: each for path in self._libraries for name, each in motions_at(path).items()})
 
-    async def receive(self, connection: ServerConnection, client: _Page) -> None:
+    async def receive(self, connection: ServerConnection, client: _Client) -> None:
         """Take a page's drawings and commands; one that sends rubbish is closed."""
         self.take_messages()
         try:
             async for text in connection:
                 message = read_message(text)
-                if message.ack is not None:
-                    client.acknowledged(message.ack)
+                if message.ack == client.sent:
+                    client.seen = client.sent
+                    client.ready.set()
                 if message.ask is not None:
                     # Other messages take the page's replies along while this one is asked.
-                    client.replies.append(await self._ask(message.ask))
+                    client.waiting.append(await self._ask(message.ask))
                     self._wake()
         except ValueError as error:
             await connection.close(1008, str(error)[:100])
 
-    async def send(self, connection: ServerConnection, client: _Page) -> None:
+    async def send(self, connection: ServerConnection, client: _Client) -> None:
         """Send the new entries whenever the page has drawn the last message."""
         while True:
             await client.ready.wait()
             await client.woken.wait()
             client.woken.clear()
-            message = self.board.news(client.seen, self._clock(), client.replies)
-            client.replies.clear()
+            message = self.board.news(client.seen, self._clock(), client.waiting)
+            client.waiting.clear()
             client.sent = self.board.number
             client.ready.clear()
             await connection.send(message)
@@ -564,17 +557,10 @@ def _is_near(origin: str, host: str) -> bool:
     return False
 
 
-class _Listener:
-    """The answers that wait for a client."""
-
-    def __init__(self) -> None:
-        self.waiting, self.woken = deque[str](maxlen=MAX_WAITING), asyncio.Event()
-
-
-class SocketServer(ClientServer[_Listener]):
+class SocketServer(ClientServer):
     """Passes frames from clients to the recogniser, and its answers to all clients."""
 
-    limits, client = {"max_size": _MAX_MESSAGE}, _Listener
+    limits, most = {"max_size": _MAX_MESSAGE}, MAX_WAITING
 
     def __init__(self, subscription: Subscription, plan: SocketPlan, keyring: Keyring | None) -> None:
         super().__init__(subscription, Gate.for_host(host_and_port(plan.address)[0]))
@@ -605,7 +591,7 @@ class SocketServer(ClientServer[_Listener]):
             note(f"WebSocket: a page {whose} was refused: --ws-origin {origin} lets it in")
         return refused
 
-    async def receive(self, connection: ServerConnection, client: _Listener) -> None:
+    async def receive(self, connection: ServerConnection, client: _Client) -> None:
         """Pass a client's frames on; tell it of those that cannot be read."""
         with closing(ZmqSender(Endpoint.parse(self._plan.frames, bind=False), self._keyring)) as sender:
             await asyncio.sleep(_MEETING)
@@ -616,7 +602,7 @@ class SocketServer(ClientServer[_Listener]):
                     client.waiting.append(why)
                     client.woken.set()
 
-    async def send(self, connection: ServerConnection, client: _Listener) -> None:
+    async def send(self, connection: ServerConnection, client: _Client) -> None:
         """Send a client the answers that wait, in their order."""
         while True:
             await client.woken.wait()

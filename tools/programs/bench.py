@@ -22,7 +22,7 @@ from pythonosc.osc_packet import OscPacket
 from rich.table import Table
 
 from kinespace.library import MotionLibrary, compiled
-from kinespace.stream import Frame, LiveSignature, Performers, Recognition, Recognizer, Settings, osc, zeromq
+from kinespace.stream import Frame, LiveSignature, Performers, Recognizer, Settings, osc, zeromq
 from kinespace.tools.cli.arguments import add_shared, positive
 from kinespace.tools.cli.console import console, progress, say, table_of
 from kinespace.tools.feeding.feed import Cue, without_pause
@@ -43,35 +43,22 @@ def positions() -> NDArray[np.float32]:
 def endless(positions: NDArray[np.floating], performer: str = "bench", begin: int = 0) -> Iterator[Frame]:
     """Play positions, shape (frames, joints, 3), metres, 120 times a second without end, from one of them on."""
     # Time 0 would mean "on arrival".
-    return (
-        Frame(performer, 1.0 + number / FRAME_RATE, positions[(begin + number) % len(positions)]) for number in count()
-    )
+    return (Frame(performer, 1.0 + k / FRAME_RATE, positions[(begin + k) % len(positions)]) for k in count())
 
 
-class Feed(NamedTuple):
-    """Performers doing the same motion, each at a moment of its own, and the answers of one recogniser.
+def crowd_cues(positions: NDArray[np.float32], seconds: float) -> tuple[list[Cue], int]:
+    """Cue a crowd that does the same motion, each performer at a moment of its own; and count the answers due.
 
     They enter one after the other, a frame apart, so that their hops do not coincide.
     """
-
-    frames: list[list[Frame]]
-    answers: list[Recognition]
-
-    @classmethod
-    def of(cls, positions: NDArray[np.float32], performers: int, seconds: float) -> "Feed":
-        """Make a feed of positions, shape (frames, joints, 3), metres, 120 a second, and recognise it."""
-        moments, shift = round(seconds * FRAME_RATE), len(positions) // performers + 1
-        each = [list(islice(endless(positions, f"p{index}", index * shift), moments)) for index in range(performers)]
-        frames = [[of[k] for of in each[: k + 1]] for k in range(moments)]
-        recognisers = Performers(MotionLibrary.builtin(), Settings(), most=performers)
-        answers = [each for together in frames for each in recognisers.push_all(together, together[0].time) if each]
-        # Looking for garbage among all these frames would take a tenth of a second.
-        gc.freeze()
-        return cls(frames, answers)
-
-    def cues(self) -> list[Cue]:
-        """Cue all frames of a moment at once."""
-        return [Cue(k / FRAME_RATE, frame, k) for k, together in enumerate(self.frames) for frame in together]
+    moments, shift = round(seconds * FRAME_RATE), len(positions) // CROWD + 1
+    each = [list(islice(endless(positions, f"p{index}", index * shift), moments)) for index in range(CROWD)]
+    frames = [[of[k] for of in each[: k + 1]] for k in range(moments)]
+    recognisers = Performers(MotionLibrary.builtin(), Settings(), most=CROWD)
+    due = sum(bool(each) for together in frames for each in recognisers.push_all(together, together[0].time))
+    # Looking for garbage among all these frames would take a tenth of a second.
+    gc.freeze()
+    return [Cue(k / FRAME_RATE, frame) for k, together in enumerate(frames) for frame in together], due
 
 
 def core_seconds(process_id: int) -> float:
@@ -136,8 +123,9 @@ WARM_UP = 300
 ROUND = 480
 #: Rounds, of which medians are taken.
 ROUNDS = 9
-#: Whether the system counts a thread's own time finely enough.
-_FINE = time.get_clock_info("thread_time").resolution <= 1e-6
+#: Gives the seconds for which this thread has used a core; other programs' time does not count. Where the system counts
+#: it too coarsely, the wall clock is used.
+clock = time.thread_time if time.get_clock_info("thread_time").resolution <= 1e-6 else time.perf_counter
 
 
 def measure_stages(_: float) -> Measured:
@@ -218,14 +206,6 @@ def pushing(
     return run
 
 
-def clock() -> float:
-    """Give the seconds for which this thread has used a core; other programs' time does not count.
-
-    Where the system counts it too coarsely, the wall clock is used.
-    """
-    return time.thread_time() if _FINE else time.perf_counter()
-
-
 def timed(call: Callable[[], object]) -> float:
     """Give the seconds of a core that a call took."""
     start = clock()
@@ -268,9 +248,9 @@ def measure_sockets(seconds: float) -> Measured:
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
     played = progress(runs, "Latency", len(runs))
     latencies = [latency.measure(by, rate_hz=rate, seconds=seconds, settings=Settings()) for by, rate in played]
-    feed = Feed.of(positions(), CROWD, min(seconds, _CROWD_SECONDS))
+    cues, due = crowd_cues(positions(), min(seconds, _CROWD_SECONDS))
     crowds = [(transport, echo) for transport in TRANSPORTS for echo in (False, True)]
-    loads = {each: load(feed, *each) for each in progress(crowds, "Performers", len(crowds))}
+    loads = {each: load(cues, due, *each) for each in progress(crowds, "Performers", len(crowds))}
     usual = next(each for each in latencies if (each.transport, each.rate_hz) == ("osc", 120.0))
     figures = {
         "latency_p99_ms": usual.percentile(99),
@@ -287,7 +267,7 @@ def measure_sockets(seconds: float) -> Measured:
     return Measured(figures, [latency.table_for(latencies), made])
 
 
-def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # noqa: FBT001 - as the rows are named
+def load(cues: Sequence[Cue], due: int, transport: Transport, echo: bool) -> tuple[float, int]:  # noqa: FBT001 - as the rows are named
     """Play a feed to a recogniser, or to an echo, which answers every frame and recognises nothing.
 
     Returns
@@ -297,12 +277,12 @@ def load(feed: Feed, transport: Transport, echo: bool) -> tuple[float, int]:  # 
     """
     with background_service(transport, performers=CROWD, echoes=echo) as service:
         before = core_seconds(service.process_id)
-        played = play(feed.cues(), [service.sender], Listener(service.receiver))
+        played = play(cues, [service.sender], Listener(service.receiver))
         core_us = (core_seconds(service.process_id) - before) * 1e6 / len(played.sent[0])
-    due = len(played.sent[0]) if echo else len(feed.answers)
-    answered = len(played.received) if echo else sum(answer_in(each.packet) is not None for each in played.received)
-    missing = max(due - answered, 0)
-    return core_us if missing <= _MISSING * due else math.nan, missing
+    expected = len(cues) if echo else due
+    answered = sum(echo or answer_in(each.packet) is not None for each in played.received)
+    missing = max(expected - answered, 0)
+    return core_us if missing <= _MISSING * expected else math.nan, missing
 
 
 #: The parts in the order in which a reader wants them: the names of their figures, and what measures them.

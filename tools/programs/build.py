@@ -86,17 +86,14 @@ def changed(library: MotionLibrary, without: Sequence[str], names: Mapping[str, 
     """
     classes, actors = {motion.class_name for motion in library.motions}, library.actors
     for name in without:
-        if name not in classes and name not in actors:
+        if name not in (*classes, *actors):
             listed = ", ".join((*sorted(classes), *actors))
             raise ValueError(f"--without: expected a class or a person ({listed}), got {name!r}")
     for name in names:
         if name not in classes - set(without):
             stays = " that stays" if name in classes else ""
             raise ValueError(f"--rename: expected a class ({', '.join(sorted(classes))}){stays}, got {name!r}")
-    left = library.without(
-        classes=[name for name in without if name in classes], actors=[name for name in without if name in actors]
-    )
-    return left.renamed(names)
+    return library.without(classes={*without} & classes, actors={*without} & {*actors}).renamed(names)
 
 
 class _Recordings:
@@ -193,18 +190,13 @@ def by_body(clips: Sequence[Clip]) -> list[MotionLibrary]:
 
 def _passed_over(places: Sequence[Path], used: Collection[Path]) -> Iterator[str]:
     """List the files in folders that are neither recordings, nor skeletons, nor labels of a recording."""
-    files = [
-        (path, recordings.is_systems(path.relative_to(place)))
-        for place in places
-        if place.is_dir()
-        for path in sorted(place.rglob("*"))
-        if path.is_file() and path not in used and path.suffix.lower() != ".asf"
-        if not path.name.startswith(utkinect.LABELS)
-    ]
-    notes = [
-        f"{path.name} ({'a system wrote it' if hidden else recordings.instead_of_recording(path)})"
-        for path, hidden in files
-    ]
+    notes = list[str]()
+    for place in filter(Path.is_dir, places):
+        for path in sorted({each for each in place.rglob("*") if each.is_file()} - {*used}):
+            if path.suffix.lower() != ".asf" and not path.name.startswith(utkinect.LABELS):
+                is_systems = recordings.is_systems(path.relative_to(place))
+                what = "a system wrote it" if is_systems else recordings.instead_of_recording(path)
+                notes.append(f"{path.name} ({what})")
     if notes:
         yield f"{counted(len(notes), 'file')} passed over: {listed(notes, _MAX_LISTED)}"
 

@@ -26,7 +26,7 @@ from kinespace.tools.camera.bodies import Bodies, landmark_names, require_extra,
 from kinespace.tools.camera.models import fetched, models_at
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, made_of
 from kinespace.tools.cli.console import say
-from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.entry import end_wanted
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding.feed import FrameSender, FrameStream, OscFrameSender, ZmqFrameSender
 
@@ -54,9 +54,7 @@ def run(options: argparse.Namespace) -> None:
         fetched(say)
         return
     plan = made_of(CameraPlan, options, osc=options.osc or (None if options.zmq else OSC_IN))
-    ended = threading.Event()
-    stop_on_signals(ended.set)
-    say(str(watch(plan, say, ended.is_set)))
+    say(watch(plan, say, end_wanted()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,31 +72,13 @@ class CameraPlan:
 
     def serve(self, started: Callable[[str], None], wants_end: Callable[[], bool]) -> None:
         """Watch in a process of its own; at the end `started` gets the counts, too."""
-        started(str(watch(self, started, wants_end)))
+        started(watch(self, started, wants_end))
 
 
-@dataclass(slots=True)
-class Watched:
-    """Counts of pictures (all, and those with a body), frames sent and failed, pictures left out, and seconds."""
+def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callable[[], bool]) -> str:
+    """Send a frame for each body in each picture; give the counts in a line.
 
-    pictures: int = 0
-    found: int = 0
-    frames: int = 0
-    failed: int = 0
-    lost: int = 0
-    seconds: float = 0.0
-
-    def __str__(self) -> str:
-        often = self.pictures / self.seconds if self.seconds else 0.0
-        share = self.found / max(self.pictures, 1)
-        return (
-            f"{self.pictures} pictures, {often:.1f} a second, a body in {self.found} ({share:.1%}); {self.lost} "
-            f"left out because they came too fast; {self.frames} frames sent, {self.failed} failed"
-        )
-
-
-def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callable[[], bool]) -> Watched:
-    """Send a frame for each body in each picture; `started` gets a line once the first picture is there.
+    `started` gets a line once the first picture is there.
 
     Raises
     ------
@@ -118,27 +98,30 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
         sender = opened.enter_context(closing(_sender(plan)))
         film = opened.enter_context(closing(Film(plan.source, wants_end, paced=not plan.fast)))
         started(f"{plan.source} to {sender}; Ctrl-C ends")
-        counts = _watched(film, bodies, FrameStream(sender, JOINTS))
-    counts.failed = sender.failed
-    if not counts.found and counts.pictures and not film.is_live and not wants_end():
-        raise ValueError(f"{plan.source}: no body in any of {counts.pictures} pictures")
-    return counts
+        begun = time.perf_counter()
+        found, frames = _watched(film, bodies, FrameStream(sender, JOINTS))
+        often, share = film.taken / (time.perf_counter() - begun), found / max(film.taken, 1)
+    if not found and film.taken and not film.is_live and not wants_end():
+        raise ValueError(f"{plan.source}: no body in any of {film.taken} pictures")
+    return (
+        f"{film.taken} pictures, {often:.1f} a second, a body in {found} ({share:.1%}); {film.lost} "
+        f"left out because they came too fast; {frames} frames sent, {sender.failed} failed"
+    )
 
 
-def _watched(film: "Film", bodies: Bodies, out: FrameStream) -> Watched:
-    counts, begun, joints = Watched(), time.perf_counter(), landmark_names()
+def _watched(film: "Film", bodies: Bodies, out: FrameStream) -> tuple[int, int]:
+    """Send a film's bodies; count the pictures with a body, and the frames sent."""
+    found, frames, joints = 0, 0, landmark_names()
     for picture in film:
         seen = bodies.seen(picture.pixels, picture.time)
-        counts.pictures += 1
-        counts.found += bool(seen)
-        for name, landmarks in seen:
+        found += bool(seen)
+        for name, landmarks in seen.items():
             positions = body_of(joints, upright(landmarks, picture.pixels))
             # Of others too little is seen.
             if np.isfinite(positions).all(axis=1).sum() >= MIN_JOINTS:
                 out.send(Frame(name, picture.time, positions.astype(np.float32)))
-                counts.frames += 1
-    counts.lost, counts.seconds = film.lost, time.perf_counter() - begun
-    return counts
+                frames += 1
+    return found, frames
 
 
 def _sender(plan: CameraPlan) -> FrameSender:

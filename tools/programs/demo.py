@@ -14,6 +14,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -139,23 +140,19 @@ class _Show:
         return sum(each.answered == name for name, each in self.played.items())
 
     @property
-    def late(self) -> int:
-        """The number of answers that came late."""
-        return sum(latency > LATE for each in self.played.values() for latency in each.latencies)
-
-    def percentile(self, percent: float) -> float | None:
-        """Give a percentile of all latencies, milliseconds; None without answers."""
-        latencies = [latency for each in self.played.values() for latency in each.latencies]
-        return float(np.percentile(latencies, percent)) if latencies else None
+    def latencies(self) -> NDArray[np.float64]:
+        """The latencies of all answers, milliseconds."""
+        return np.array([latency for each in self.played.values() for latency in each.latencies])
 
     def as_json(self) -> dict[str, object]:
         """Give the tally by name."""
+        latencies = self.latencies
         return {
             "played": len(self.played),
             "answered": sum(bool(each.labels) for each in self.played.values()),
             "right": self.right,
-            "late": self.late,
-            "p99_ms": None if (high := self.percentile(99)) is None else round(high, 3),
+            "late": int((latencies > LATE).sum()),
+            "p99_ms": round(float(np.percentile(latencies, 99)), 3) if latencies.size else None,
         }
 
     def table(self, width: int) -> Table:
@@ -173,13 +170,13 @@ class _Show:
 
     def tally(self) -> str:
         """Give the last lines of the report."""
-        answers = sum(each.labels.total() for each in self.played.values())
-        right = sum(each.labels[name] for name, each in self.played.items())
-        lost = self._matcher.lost + self._matcher.waiting
-        late = f", {self.late} late (after more than {LATE / 1000:g} s: this machine is busy)" if self.late else ""
-        times = f"p50 {self.percentile(50):.2f} ms, p99 {self.percentile(99):.2f} ms" if answers else ""
+        latencies, lost = self.latencies, self._matcher.lost + self._matcher.waiting
+        right, late = sum(each.labels[name] for name, each in self.played.items()), (latencies > LATE).sum()
+        busy = f", {late} late (after more than {LATE / 1000:g} s: this machine is busy)" if late else ""
+        times = "p50 {:.2f} ms, p99 {:.2f} ms".format(*np.percentile(latencies, (50, 99))) if latencies.size else ""
+        answered = f"{right} of {len(latencies)} answers right, {lost} lost{busy}"
         return (
-            f"{self.right} of {len(self.played)} motions named; {right} of {answers} answers right, {lost} lost{late}\n"
+            f"{self.right} of {len(self.played)} motions named; {answered}\n"
             f"frame sent to answer received over {self._transport.upper()}: {times}"
         )
 
@@ -188,7 +185,7 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, 
     """Play the motions, and draw the table after answers where there is a terminal."""
     pace, patience = Pace(), _PATIENCE
     for cue in cues:
-        packet = sender.encode(cue)
+        packet = sender.encode(cue.frame)
         if show.take_in(listener.listen_until(pace.moment(cue.due))) and live:
             # Right after an answer, drawing delays no frame.
             live.update(show.table(console.width), refresh=True)

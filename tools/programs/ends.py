@@ -9,8 +9,8 @@ import math
 import os
 import socket
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, suppress
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,7 +32,7 @@ from kinespace.stream.zeromq import Keyring
 from kinespace.tools.cli.arguments import BUILT_IN
 from kinespace.tools.cli.console import say
 from kinespace.tools.cli.values import host_and_port, one_of, opening
-from kinespace.tools.page.process import PagePlan, Plan
+from kinespace.tools.page.process import PagePlan, PageProcess, Plan
 from kinespace.tools.programs.listen import advice, command
 
 #: Packets that are looked at.
@@ -132,8 +132,8 @@ class Ends(ExitStack):
         Where frames come in, where answers go, and further ways in for commands, as the options name them.
     recording
         Keeps every packet; None for no recording.
-    own_sinks, own_controls
-        To our own servers of browsers, and from them.
+    servers, own_sinks, own_controls
+        Our own servers of browsers; to them, and from them.
     """
 
     def __init__(self, options: argparse.Namespace, admission: Admission) -> None:
@@ -142,6 +142,7 @@ class Ends(ExitStack):
         self.sources = list[Source]()
         self.sinks, self.own_sinks = list[Sink](), list[Sink]()
         self.controls, self.own_controls = list[RequestSource](), list[RequestSource]()
+        self.servers = list[PageProcess]()
         self._options, self._admission = options, admission
         self._browsers = list[zeromq.ZmqReceiver]()
         #: The networks that may connect, and these with this machine; none where all may.
@@ -157,9 +158,9 @@ class Ends(ExitStack):
         """Read the address of an endpoint, which is bound unless it says otherwise; ValueError for no address."""
         return zeromq.Endpoint.parse(address, bind=True, to_anybody=self._options.open)
 
-    def servers(self, performers: Recognising, *, commands: bool) -> Iterator[Plan]:
-        """Prepare the page, which may give commands, and the server of WebSocket clients where they are asked for."""
-        options, keyring = self._options, self._keyring
+    def open_servers(self, performers: Recognising, *, commands: bool) -> None:
+        """Start the page, which may give commands, and the server of WebSocket clients where they are asked for."""
+        options, keyring, plans = self._options, self._keyring, list[Plan]()
         if options.page:
             sender = self._kept(zeromq.ZmqSender(_HERE, keyring))
             self.own_sinks += [ZmqSink(sender), BodySink(sender, performers.skeleton_of, performers.carried)]
@@ -167,7 +168,7 @@ class Ends(ExitStack):
                 self.own_controls.append(self._kept(RequestSource(_HERE, (), keyring)))
             control = self.own_controls[0].address if commands else None
             libraries = tuple(each for each in (options.library or BUILT_IN, options.teach) if each)
-            yield PagePlan(options.page, sender.address, options.keys, control, libraries)
+            plans.append(PagePlan(options.page, sender.address, options.keys, control, libraries))
         if options.ws:
             from kinespace.tools.page.server import SocketPlan  # noqa: PLC0415 - slow to load
 
@@ -175,7 +176,8 @@ class Ends(ExitStack):
             self.own_sinks.append(ZmqSink(sender))
             self._browsers.append(self._kept(zeromq.ZmqReceiver(_HERE, keyring=keyring)))
             near, frames = tuple(map(str, self._near)), self._browsers[0].address
-            yield SocketPlan(options.ws, sender.address, options.keys, frames, options.ws_origin, near)
+            plans.append(SocketPlan(options.ws, sender.address, options.keys, frames, options.ws_origin, near))
+        self.servers = [self.enter_context(PageProcess(plan, say)) for plan in plans]
 
     def open(self, preset: Preset | None = None) -> None:
         """Open the addresses and the recording; frames of browsers are our own, whatever the feed."""
@@ -204,9 +206,8 @@ class Ends(ExitStack):
             # Last, because it may take another file's place.
             options.record.unlink(missing_ok=True)
             presets = {preset.name: preset.text} if preset else {}
-            self.recording = self._kept(
-                RawWriter(options.record, [source_name(each.place, fed) for each, fed in read], presets)
-            )
+            names = [source_name(each.place, fed) for each, fed in read]
+            self.recording = self._kept(RawWriter(options.record, names, presets))
         for index, (receiver, fed) in enumerate(read):
             source = self._kept(_source(receiver, fed, options.sender, self._admission))
             source.recorder = Recorder(self.recording, index) if self.recording else None
@@ -224,7 +225,7 @@ class Ends(ExitStack):
                 opened = RequestSource(endpoint, self._networks, self._keyring, networks=near)
                 self.controls.append(self._kept(opened))
 
-    def senders(self) -> Iterator[AbstractContextManager[object]]:
+    def open_senders(self) -> None:
         """Start the camera and find the LSL stream that are asked for; their frames come to the OSC port.
 
         Raises
@@ -237,14 +238,13 @@ class Ends(ExitStack):
 
             place, people = "{}:{}".format(*_own_port(self.sources)), self._options.people
             process = CameraProcess(CameraPlan(camera, osc=place, people=people, size=self._options.size), say)
-            say(f"camera: {process.opened}")
-            yield process
+            say(f"camera: {self.enter_context(process).opened}")
         if stream := self._options.lsl_in:
             from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 
             feed = LslFeed(stream, *_own_port(self.sources))
             say(f"LSL: {stream}, {len(feed.layout.joints)} joints")
-            yield feed
+            self.enter_context(feed)
 
 
 def _own_port(sources: Sequence[Source]) -> tuple[str, int]:

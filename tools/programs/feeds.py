@@ -4,7 +4,7 @@ import argparse
 
 from rich.text import Text
 
-from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
+from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.tools.cli.arguments import preset_named
 from kinespace.tools.cli.console import say
 
@@ -21,14 +21,10 @@ def run(options: argparse.Namespace) -> None:
         return
     for each in builtin_names():
         preset = builtin_preset(each)
-        say(Text.assemble((each, "bold"), f"  {described(preset)}"))
+        described = f"port {preset.port}, {len(preset.joints)} joints, some {preset.rate:g} Hz: {preset.product}"
+        say(Text.assemble((each, "bold"), f"  {described}"))
         say(f"    {preset.sender}")
     say(
         "\nkinespace live --feed NAME uses one; kinespace feeds NAME > my.toml copies it for --feed my.toml.\n"
         "A sender on another machine: --osc-in 0.0.0.0:PORT. No packets: kinespace listen PORT."
     )
-
-
-def described(preset: Preset) -> str:
-    """Describe a preset in a line: its port, its number of joints, its rate and its product."""
-    return f"port {preset.port}, {len(preset.joints)} joints, some {preset.rate:g} Hz: {preset.product}"

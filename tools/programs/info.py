@@ -6,7 +6,7 @@ a .kinerec.
 
 import argparse
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -113,30 +113,25 @@ def _row(clip: Clip, name: str) -> dict[str, Any]:
     return {**named, "seconds": round(clip.duration, 3), "frame_rate": clip.frame_rate}
 
 
-def _sums(motions: Sequence[Mapping[str, Any]], what: str, others: str) -> list[dict[str, Any]]:
+def _sums(motions: Sequence[Mapping[str, Any]], what: str, other: str, others: str) -> list[dict[str, Any]]:
     """Sum up motions by class or by person: number, number of the other names, seconds, frame rates."""
-    groups: dict[str, list[Mapping[str, Any]]] = {}
+    groups = defaultdict[str, list[Mapping[str, Any]]](list)
     for motion in motions:
-        groups.setdefault(motion[what], []).append(motion)
-    other = "person" if what == "class" else "class"
-    return [
-        {
-            what: name,
-            "motions": len(group),
-            others: len({each[other] for each in group} - {""}),
-            "seconds": round(sum(each["seconds"] for each in group), 3),
-            "frame_rates": sorted({each["frame_rate"] for each in group}),
-        }
-        for name, group in sorted(groups.items())
-    ]
+        groups[motion[what]].append(motion)
+    sums = list[dict[str, Any]]()
+    for name, group in sorted(groups.items()):
+        seconds, rates = sum(each["seconds"] for each in group), sorted({each["frame_rate"] for each in group})
+        named = {what: name, "motions": len(group), others: len({each[other] for each in group} - {""})}
+        sums.append({**named, "seconds": round(seconds, 3), "frame_rates": rates})
+    return sums
 
 
 def _summed_up(motions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {
         "motions": len(motions),
         "seconds": round(sum(each["seconds"] for each in motions), 3),
-        "classes": _sums(motions, "class", "persons"),
-        "persons": _sums(motions, "person", "classes"),
+        "classes": _sums(motions, "class", "person", "persons"),
+        "persons": _sums(motions, "person", "class", "classes"),
     }
 
 
@@ -184,8 +179,8 @@ def _show_recordings(described: Mapping[str, Any]) -> None:
     if described["motions"] > 1:
         _show_sums(described["place"], described["classes"], "class", "persons")
         _show_sums("", described["persons"], "person", "classes")
-        _say_each({"recordings": f"{described['motions']}, {described['seconds']:.0f} s"})
-    _say_each({"joints": f"{len(described['joints'])}: {', '.join(described['joints'])}"})
+        say(f"recordings: {described['motions']}, {described['seconds']:.0f} s")
+    say(f"joints: {len(described['joints'])}: {', '.join(described['joints'])}")
 
 
 def _library(file: Path | None, *, clips: bool) -> dict[str, Any]:
@@ -230,24 +225,15 @@ def _show_library(described: Mapping[str, Any]) -> None:
     _show_sums("", described["persons"], "person", "classes")
     classes = sum(row["index"] is not None for row in described["classes"])
     persons = [row["person"] for row in described["persons"] if row["person"]]
-    lacking = described["without_course"]
-    missed = described["missed"].items()
-    _say_each(
-        {
-            "motions": f"{described['motions']} of {classes} classes, {described['seconds']:.0f} s",
-            "persons": ", ".join(persons) or "not stated",
-            "joints": f"{len(described['joints'])}: {', '.join(described['joints'])}",
-            "sources": ", ".join(described["sources"]) or "not stated",
-            "taught by": ", ".join(TITLES[each] for each in described["feeds"]),
-            "arithmetic": described["arithmetic"],
-            "licence": described["licence"] or "not stated",
-            "attribution": described["attribution"] or "none",
-        }
-        | {f"done, ≤ {each}/h false": f"{share:.0%} of these motions missed" for each, share in missed}
-        | ({"too short, or one posture, to be found done": ", ".join(lacking)} if lacking else {})
-    )
-
-
-def _say_each(lines: Mapping[str, str]) -> None:
-    for heading, text in lines.items():
-        say(f"{heading}: {text}")
+    say(f"motions: {described['motions']} of {classes} classes, {described['seconds']:.0f} s")
+    say(f"persons: {', '.join(persons) or 'not stated'}")
+    say(f"joints: {len(described['joints'])}: {', '.join(described['joints'])}")
+    say(f"sources: {', '.join(described['sources']) or 'not stated'}")
+    say(f"taught by: {', '.join(TITLES[each] for each in described['feeds'])}")
+    say(f"arithmetic: {described['arithmetic']}")
+    say(f"licence: {described['licence'] or 'not stated'}")
+    say(f"attribution: {described['attribution'] or 'none'}")
+    for each, share in described["missed"].items():
+        say(f"done, ≤ {each}/h false: {share:.0%} of these motions missed")
+    if lacking := described["without_course"]:
+        say(f"too short, or one posture, to be found done: {', '.join(lacking)}")

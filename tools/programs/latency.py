@@ -7,7 +7,7 @@ same run.
 import argparse
 import time
 from collections.abc import Sequence
-from itertools import count, cycle, product, repeat
+from itertools import cycle, product, repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -100,7 +100,7 @@ def measure(transport: service.Transport, *, rate_hz: float, seconds: float, set
     positions = without_pause(library.motions[::EVERY], rate_hz)
     moments = [k / rate_hz for k in range(round(seconds * rate_hz))]
     frames = map(Frame, repeat("latency"), (1.0 + each for each in moments), cycle(positions))
-    cues = [*map(Cue, moments, frames, count())]
+    cues = [*map(Cue, moments, frames)]
     expected = service.expected_answers(cues, library, settings)
     if not expected or expected[-1].cue < warm:
         raise ValueError(f"--seconds: expected enough for an answer after the first {_WARM_UP:g} s, got {seconds:g}")

@@ -10,7 +10,7 @@ from contextlib import closing, suppress
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
-from kinespace.library.naming import NamedJoints, Naming, hdm05, summary, unknown_names
+from kinespace.library.naming import Naming, hdm05, summary, unknown_names
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import FeedSource, OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
@@ -72,23 +72,20 @@ def surveyed(receiver: OscReceiver, seconds: float, preset: Preset | None, sende
 
 def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str]:
     """List the faults of the feed with their remedies; empty when all is well."""
+    lines = list[str]()
     if not survey.packets:
-        lines = ["nothing arrived: does the sender send to this port and to this machine's address?"]
+        lines.append("nothing arrived: does the sender send to this port and to this machine's address?")
         if not (address or "").startswith("0.0.0.0"):  # noqa: S104 - compared, not bound
             lines.append("for the packets of another machine listen on 0.0.0.0:PORT, and let the firewall pass them")
         return lines
-    lines = list[str]()
     if survey.undecodable:
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
     if guess is None:
         if any(kind.address in OURS for kind in survey.kinds.values()):
             return [*lines, *survey.findings(builtin_preset(NATIVE))[-1]]
-        lines.append("no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above")
-        return lines
-    lines += _lacking(survey, guess)
-    lines += _odd(survey, guess)
-    shared = MotionLibrary.builtin().skeleton.joints
-    if not set(guess.preset.sent) & set(shared):
+        return [*lines, "no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above"]
+    lines += [*_lacking(survey, guess), *_odd(survey, guess)]
+    if set(guess.preset.sent).isdisjoint(MotionLibrary.builtin().skeleton.joints):
         lines.append("none of the joints is the built-in library's: build your own library from this feed")
     lines += [
         f"{kind.address}: nothing for {kind.longest_gap:.2f} s once"
@@ -156,11 +153,6 @@ def command(guess: Guess, feed: str | None, place: tuple[str, int]) -> str:
     return f"kinespace live{named}" + ("" if f"{host}:{port}" == usual else f" --osc-in {host}:{port}")
 
 
-def named_joints(survey: Survey) -> NamedJoints | None:
-    """Give the announced joints of our own messages, by our names; None without an announcement."""
-    return Naming().read(survey.announced) if survey.announced else None
-
-
 def _named_otherwise(survey: Survey) -> list[str]:
     """Report announced joints of which fewer than five have known names."""
     shared = set(Naming().read(survey.announced).joints) & set(hdm05.SKELETON.joints)
@@ -184,7 +176,7 @@ def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str
         "performers": list(guess.times) if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
-        "names": named.title if (named := named_joints(survey)) else None,
+        "names": Naming().read(survey.announced).title if survey.announced else None,
         "advice": lines,
     }
 
@@ -204,7 +196,8 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
         preset, understood = guess.preset, f"{guess.understood:.0%} of the messages"
         joints = f"{len(guess.joints)} of {len(preset.sent)} joints, {guess.frames} frames"
         say(f"looks like {preset.name} ({preset.product}): {understood}, {joints}")
-        if named := named_joints(survey):
+        if survey.announced:
+            named = Naming().read(survey.announced)
             say(summary(named.title or "our", named.joints))
         if guess.frames:
             say(f"performers: {', '.join(guess.times)}, {guess.rate:.1f} frames per second each")

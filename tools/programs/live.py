@@ -34,7 +34,6 @@ from kinespace.tools.cli.console import console, log_as, require_place_for, say
 from kinespace.tools.cli.entry import stop_on_signals
 from kinespace.tools.cli.live_table import LiveTable, PlainLines, summary
 from kinespace.tools.cli.values import meant
-from kinespace.tools.page.process import PageProcess
 from kinespace.tools.programs.ends import Ends, supervisors
 from kinespace.tools.teaching.keys import Keys
 from kinespace.tools.teaching.lessons import Lessons, open_lessons
@@ -110,24 +109,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--control", action="append", default=[], metavar="ENDPOINT", help=text)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the program with these options; return the exit status."""
-    if options.log:
-        log_as(options.log)
-    if not (options.osc_in or options.zmq_in or options.feed):
-        options.osc_in = arguments.OSC_IN
-    if not (options.osc_out or options.zmq_out or options.out):
-        options.osc_out = OSC_OUT
-    return recognise(options)
-
-
 def workers(text: str) -> int:
     """Read a number of workers; `auto`: one for each core but one, which receives."""
     return max((os.cpu_count() or 1) - 1, 1) if text == "auto" else arguments.count(text)
 
 
-def recognise(options: argparse.Namespace) -> int:
-    """Open the addresses, recognise until interrupted, print the counts."""
+def run(options: argparse.Namespace) -> int:
+    """Open the addresses, recognise until interrupted, print the counts; return the exit status."""
+    log_as(options.log)
     _allow_many_connections()
     settings = arguments.settings_of(options)
     preset = _checked(options, settings)
@@ -142,12 +131,10 @@ def recognise(options: argparse.Namespace) -> int:
         for each in (*from_workers, *listeners):
             ends.callback(each.close)
         # Before the sockets are open: no packet is to wait until the page runs.
-        plans = ends.servers(performers, commands=lessons is not None)
-        servers = [ends.enter_context(PageProcess(plan, say)) for plan in plans]
+        ends.open_servers(performers, commands=lessons is not None)
         ends.open(preset)
         ends.open_controls()
-        for sender in ends.senders():
-            ends.enter_context(sender)
+        ends.open_senders()
         sources: list[AnySource] = [*ends.sources, *ends.controls, *ends.own_controls, *from_workers]
         to_zmq = [sink.sender for sink in ends.sinks if options.bodies and isinstance(sink, ZmqSink)]
         bodies = [BodySink(sender, performers.skeleton_of, performers.carried) for sender in to_zmq]
@@ -161,7 +148,11 @@ def recognise(options: argparse.Namespace) -> int:
         stop_on_signals(service.stop)
         # Whoever reads README sends /motion/teach to port 9310, and a product's feed comes to another.
         teaching = ", also for /motion/teach" if lessons and preset else ""
-        _say_open([*(each for each in ends.sources if each.place), *ends.controls], ends.sinks, teaching, servers)
+        ways_in = ", ".join(map(str, [*(each for each in ends.sources if each.place), *ends.controls]))
+        answering = ", ".join(map(str, ends.sinks)) or "nobody"
+        say(f"listening on {ways_in}{teaching}; answering to {answering}; Ctrl-C ends")
+        for server in ends.servers:
+            say(f"{server.name}: {server.address}")
         # All objects so far live as long as the program: the collector need not look at them again.
         gc.freeze()
         _run(service, shown, lessons)
@@ -170,25 +161,14 @@ def recognise(options: argparse.Namespace) -> int:
         if isinstance(performers, Gateway):
             performers.settle()
         status = service.status()
-    kept = ends.recording
+    lines = summary(status, settings.hop, notes=not isinstance(shown, PlainLines))
+    lines += [frames_made(source) for source in ends.sources if isinstance(source, FeedSource)]
+    if kept := ends.recording:
+        lines.append(f"{options.record}: {kept.written} packets, {kept.failed} could not be written")
     lacking = [note for each in ends.sinks if isinstance(each, MidiSink) and each.is_behind for note in each.notes]
-    lines = (
-        *summary(status, settings.hop, notes=not isinstance(shown, PlainLines)),
-        *(frames_made(source) for source in ends.sources if isinstance(source, FeedSource)),
-        *([f"{options.record}: {kept.written} packets, {kept.failed} could not be written"] if kept else ()),
-        *lacking,
-    )
-    for line in dict.fromkeys(lines):
+    for line in dict.fromkeys([*lines, *lacking]):
         say(line)
     return 2 if lacking or (lessons and lessons.has_unsaved) else 0
-
-
-def _say_open(ends: Sequence[object], sinks: Sequence[object], teaching: str, servers: Sequence[PageProcess]) -> None:
-    """Say where frames and commands come in, where answers go, and where browsers look."""
-    answering = ", ".join(map(str, sinks)) or "nobody"
-    say(f"listening on {', '.join(map(str, ends))}{teaching}; answering to {answering}; Ctrl-C ends")
-    for server in servers:
-        say(f"{server.name}: {server.address}")
 
 
 def _made(options: argparse.Namespace, library: Known, joints: SentJoints, classes: Sequence[str] = ()) -> Recognising:
@@ -204,14 +184,13 @@ def _made(options: argparse.Namespace, library: Known, joints: SentJoints, class
 
 def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Recognising, Lessons | None]:
     """Make the recognisers, and the lessons if people may teach."""
-    library, naming = options.library, arguments.naming_of(options)
-    nothing = library == _NO_LIBRARY
+    naming, nothing = arguments.naming_of(options), options.library == _NO_LIBRARY
     if nothing and not options.teach:
         raise ValueError("--library none: expected --teach with it")
     if options.joints and preset:
         raise ValueError("--joints: expected no --feed with it; a preset says which joints there are")
     joints = naming.read(arguments.joints_in_order(options.joints)).joints if options.joints else ()
-    motions = arguments.library_at(None if nothing else library)
+    motions = arguments.library_at(None if nothing else options.library)
     if naming.convention or naming.finds:
         motions = motions.in_our_names(Naming())
     if nothing:
@@ -236,16 +215,15 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     SkeletonMismatchError
         Library and feed share fewer than five joints.
     """
-    shared = motions.restricted_to(joints)
+    shared, ours = motions.restricted_to(joints), motions.skeleton.joints
     if shared is not motions:
-        for name in joints:
-            near = "" if name in motions.skeleton.joints else meant(name, [*{*motions.skeleton.joints} - {*joints}])
-            if near:
+        further = [name for name in joints if name not in ours]
+        for name in further:
+            if near := meant(name, [*{*ours} - {*joints}]):
                 say(f"{whose}: the library has no joint {name!r}{near}")
-        further = [name for name in joints if name not in motions.skeleton.joints]
         if further:
             say(f"{whose}: not compared, because the library lacks them: {', '.join(further)}")
-        say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(motions.skeleton.joints)} joints")
+        say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(ours)} joints")
     return shared
 
 
@@ -276,17 +254,15 @@ def _require_room_for(motions: Known, settings: Settings) -> None:
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
-    """Refuse options that need others, and files that cannot be written; give the preset of the feed."""
+    """Refuse options that need others, and files that cannot be written; add addresses; give the preset of the feed."""
     if options.control and not options.teach:
         raise ValueError("--control: expected --teach with it")
     if options.teach and settings.signature is LiveSignature.PAPER:
         raise ValueError("--teach: expected --signature windows with it, got paper")
-    for option in ("camera", "lsl_in"):
-        if not getattr(options, option, None):
-            continue
-        if options.feed:
-            name = option.replace("_", "-")
-            raise ValueError(f"--{name}: expected no --feed with it; another feed needs a kinespace live of its own")
+    for option, wanted in (("--camera", options.camera), ("--lsl-in", options.lsl_in)):
+        if wanted and options.feed:
+            raise ValueError(f"{option}: expected no --feed with it; another feed needs a kinespace live of its own")
+    if options.camera or options.lsl_in:
         options.osc_in = options.osc_in or arguments.OSC_IN
     midi = [Path(each.partition("=")[2]) for each in options.out if each.startswith(MIDI) and each.endswith(".mid")]
     # `--overwrite` is no leave to write over what this program reads or teaches.
@@ -297,8 +273,10 @@ def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:
             raise ValueError(f"{each}: expected a file for each purpose, got one for several")
         used.append(each.resolve())
     preset = arguments.preset_named(options.feed) if options.feed else None
-    if preset and not (options.osc_in or options.zmq_in):
-        options.osc_in = f"127.0.0.1:{preset.port}"
+    if not (options.osc_in or options.zmq_in):
+        options.osc_in = f"127.0.0.1:{preset.port}" if preset else arguments.OSC_IN
+    if not (options.osc_out or options.zmq_out or options.out):
+        options.osc_out = OSC_OUT
     return preset
 
 

@@ -5,11 +5,10 @@ Serves a page that shows the bodies, the guesses and the past minute of a recogn
 """
 
 import argparse
-import threading
 
 from kinespace.tools.cli.arguments import PAGE, add_shared
 from kinespace.tools.cli.console import say
-from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.entry import end_wanted
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.page.process import PagePlan
 
@@ -30,7 +29,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run the program with these options."""
-    ended = threading.Event()
-    stop_on_signals(ended.set)
     plan = PagePlan(f"{options.host}:{options.port}", options.source, options.keys, options.control)
-    plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), ended.is_set)
+    plan.serve(lambda address: say(f"page: {address}; Ctrl-C ends"), end_wanted())

@@ -6,7 +6,6 @@ replay sends the file again bit for bit; kinespace live --record records while i
 
 import argparse
 import math
-import threading
 import time
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from kinespace.stream.inputs.source import taking
 from kinespace.stream.status import InputCounts
 from kinespace.tools.cli.arguments import OSC_IN, add_shared, positive
 from kinespace.tools.cli.console import progress_console, require_place_for, say
-from kinespace.tools.cli.entry import stop_on_signals
+from kinespace.tools.cli.entry import end_wanted
 from kinespace.tools.programs.ends import Ends
 
 
@@ -36,16 +35,14 @@ def run(options: argparse.Namespace) -> None:
     require_place_for(output, overwrite=options.overwrite)
     if not options.zmq_in:
         options.osc_in = options.osc_in or OSC_IN
-    stopped = threading.Event()
     with Ends(options, Admission()) as ends, Status("no packets yet", console=progress_console) as shown:
         ends.open()
         sources, writer = ends.sources, ends.recording
         assert writer  # noqa: S101 - for mypy
-        stop_on_signals(stopped.set)
-        names = ", ".join(source.receiver.place for source in sources)
+        wants_end, names = end_wanted(), ", ".join(source.receiver.place for source in sources)
         say(f"recording {names} to {output}; Ctrl-C ends")
         begun = time.monotonic()
-        for now in taking(sources, options.seconds or math.inf, stopped.is_set):
+        for now in taking(sources, options.seconds or math.inf, wants_end):
             if writer.written:
                 shown.update(f"{writer.written} packets in {now - begun:.0f} s")
         counts = sum((source.counts for source in sources), InputCounts())

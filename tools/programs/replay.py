@@ -28,6 +28,8 @@ from kinespace.tools.feeding.service import Listener, Received, answer_in, class
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
+#: A sender for each kind of packets that is sent: "osc", "zmq".
+Senders = Mapping[str, feed.FrameSender]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
-        sender = [*_senders(opened, osc_to, zmq_to, keyring).values()][-1]
+        *_, sender = _senders(opened, osc_to, zmq_to, keyring).values()
         stream = feed.FrameStream(sender, first.clip.skeleton.joints)
         exchange = Exchange(stream, listener, options.performer, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
@@ -107,9 +109,7 @@ def _listener(listen: str, keyring: Keyring | None, *, to_anybody: bool) -> List
         return Listener(osc.OscReceiver(*host_and_port(listen)))
 
 
-def _senders(
-    opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None
-) -> dict[str, feed.FrameSender]:
+def _senders(opened: ExitStack, osc_to: str | None, zmq_to: Endpoint | None, keyring: Keyring | None) -> Senders:
     """Open a sender for each kind of packets that has an address, ZeroMQ last; wait until its peers have connected."""
     senders: dict[str, feed.FrameSender] = {}
     if osc_to:
@@ -186,7 +186,7 @@ def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -
         yield feed.Piece(first - begin, replace(piece, class_name=label) if segments else piece)
 
 
-def replay(path: Path, senders: Mapping[str, feed.FrameSender], options: argparse.Namespace) -> int:
+def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
     """Send a recording's packets at the times of their arrivals.
 
     Parameters
@@ -205,9 +205,8 @@ def replay(path: Path, senders: Mapping[str, feed.FrameSender], options: argpars
     ValueError
         The recording has no packets, or none between the two moments.
     """
-    recording = RawFile(path)
+    recording, counts = RawFile(path), Counter[str]()
     kinds = [source.partition(" ")[0] for source in recording.header.sources]
-    counts: Counter[str] = Counter()
     if not {*senders} & {*kinds}:
         raise ValueError(f"{path}: expected --osc or --zmq, because its packets came by {' and '.join(kinds)}")
     # Ctrl-C ends the feed, not the report.
@@ -223,21 +222,17 @@ def replay(path: Path, senders: Mapping[str, feed.FrameSender], options: argpars
                 counts["sent" if kind in senders else "left out"] += 1
             if not counts:
                 raise ValueError(_nothing_to_send(recording))
-    failed = sum(sender.failed for sender in senders.values())
-    unheard = {str(sender): sender.unheard for sender in senders.values()}
-    every = sum(unheard.values())
-    figures = {"sent": counts["sent"], "left_out": counts["left out"], "failed": failed, "unheard": every}
+    sent, left_out = counts["sent"], counts["left out"]
+    failed, unheard = (sum(getattr(each, what) for each in senders.values()) for what in ("failed", "unheard"))
     if options.json:
+        figures = {"sent": sent, "left_out": left_out, "failed": failed, "unheard": unheard}
         console.print_json({**figures, "lost_from": recording.lost_from})
     else:
-        left_out = f"{figures['left_out']} without an address for their kind"
-        console.say(f"{figures['sent']} packets sent, {failed} refused by the system, {left_out}")
-        for place, lost in unheard.items():
-            if lost:
-                console.say(feed.lost_at(place, lost))
-        if recording.damage():
-            console.say(recording.damage())
-    return 1 if every and every >= counts["sent"] else 0
+        counted = f"{failed} refused by the system, {left_out} without an address for their kind"
+        lost = [feed.lost_at(str(each), each.unheard) for each in senders.values() if each.unheard]
+        for line in (f"{sent} packets sent, {counted}", *lost, *filter(None, [recording.damage()])):
+            console.say(line)
+    return 1 if unheard and unheard >= sent else 0
 
 
 def _nothing_to_send(recording: RawFile) -> str:
@@ -276,10 +271,9 @@ class Exchange:
     """One feed that is sent, the answers that come meanwhile, and the report on both."""
 
     def __init__(self, stream: feed.FrameStream, listener: Listener | None, performer: str, place: str) -> None:
-        self._stream, self._sender, self._place = stream, stream.sender, place
-        self._listener, self._performer = listener, performer
+        self._stream, self._sender, self._place, self._listener = stream, stream.sender, place, listener
         # OSC answers name the performer in their address, which cannot hold every character.
-        self._names = {performer, osc.address_part(performer)}
+        self._performer, self._names = performer, {performer, osc.address_part(performer)}
         #: The answers while each class was performed, and those of them that were right; none has a class at moments
         #: without a label.
         self._answers, self._right = Counter[str](), Counter[str]()
@@ -336,10 +330,6 @@ class Exchange:
         """Whether it is known that no frame reached a program."""
         return bool(self._sent) and self._sender.unheard >= self._sent
 
-    def _lacking(self) -> list[str]:
-        """List the classes performed that the library lacks; none before the recogniser has listed its own."""
-        return sorted({*self._answers} - {"", *self._classes}) if self._classes else []
-
     def _silence(self) -> str:
         """Say that no answer came, and list checks."""
         if self._received:
@@ -353,25 +343,19 @@ class Exchange:
         """Print the counts and, when listening, the share of right answers."""
         by_class = {name: count for name, count in sorted(self._answers.items()) if name}
         every, unlabelled, right = sum(by_class.values()), self._answers[""], self._right.total()
+        # The classes performed that the library lacks; none before the recogniser has listed its own.
+        lacking = sorted(by_class.keys() - {*self._classes}) if self._classes else []
+        sender = self._sender
         if as_json:
-            figures = {
-                "sent": self._sent,
-                "failed": self._sender.failed,
-                "unheard": self._sender.unheard,
-                "answers": every,
-                "unlabelled": unlabelled,
-                "lacking": self._lacking(),
-                "right": round(right / every, 4) if every else None,
-            }
-            console.print_json(figures)
+            figures = {"sent": self._sent, "failed": sender.failed, "unheard": sender.unheard, "answers": every}
+            share = round(right / every, 4) if every else None
+            console.print_json({**figures, "unlabelled": unlabelled, "lacking": lacking, "right": share})
             return
-        console.console.print(f"{self._sent} frames sent, {self._sender.failed} refused by the system")
+        console.say(f"{self._sent} frames sent, {sender.failed} refused by the system")
         if self._stood_still > _NOTICED:
-            console.console.print(
-                f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read"
-            )
-        if self._sender.unheard:
-            console.say(feed.lost_at(self._place, self._sender.unheard))
+            console.say(f"the feed stood still for {self._stood_still:.1f} s: a recording took longer to be read")
+        if sender.unheard:
+            console.say(feed.lost_at(self._place, sender.unheard))
         if self._listener and not self._answers:
             console.say(self._silence())
         elif self._listener:
@@ -380,8 +364,6 @@ class Exchange:
             rows += [("unlabelled", f"{unlabelled}", "")] if unlabelled else []
             title = "Answers while each class was performed"
             console.console.print(console.table_of(title, ("performed", "answers", "right"), rows))
-            if lacking := self._lacking():
-                share = sum(by_class[name] for name in lacking) / every
-                console.say(
-                    f"the library lacks {', '.join(lacking)}: {share:.0%} of the labelled time, and no answer is right"
-                )
+        if lacking:
+            of_time = f"{sum(by_class[name] for name in lacking) / every:.0%} of the labelled time"
+            console.say(f"the library lacks {', '.join(lacking)}: {of_time}, and no answer is right")

@@ -71,8 +71,8 @@ class Keys:
             self._typed = ""
             self._shown.hint = f"{self._taught} is called: "
         if key == "t" or (key == "h" and not self._held) or (key == "a" and not self._taught):
-            names = self._lessons.classes
-            self._taught = next(name for number in count(1) if (name := f"motion {number}") not in names)
+            names = (f"motion {number}" for number in count(1))
+            self._taught = next(name for name in names if name not in self._lessons.classes)
         if key in ("t", "a"):
             return commands.Teach(self._whose, self._taught)
         if key == "h":

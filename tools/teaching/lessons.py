@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -128,23 +128,19 @@ class Lessons(Sink):
         """Whether there are changes that are not in the file."""
         return self._file.has_unsaved
 
-    def _described(self) -> dict[str, object]:
+    def _described(self) -> dict[str, Any]:
         """Describe the classes and the settings, for a reply: `taught` counts the examples of each taught class."""
         roster = self._teacher.roster
-        return {
-            "classes": list(self.classes),
-            "taught": {name: len(roster.of(name)) for name in roster.classes},
-            "off": sorted(roster.disabled),
-            "sensitivity": self.performers.sensitivity,
-            "teaches": True,
-        }
+        taught = {name: len(roster.of(name)) for name in roster.classes}
+        known = {"classes": list(self.classes), "taught": taught, "off": sorted(roster.disabled)}
+        return {**known, "sensitivity": self.performers.sensitivity, "teaches": True}
 
     def _listed(self) -> str:
         """Give the classes and the settings in a line."""
-        roster = self._teacher.roster
-        taught = ", ".join(f"{name} {len(roster.of(name))}" for name in roster.classes) or "nothing"
-        off = f"; off: {', '.join(sorted(roster.disabled))}" if roster.disabled else ""
-        return f"taught: {taught}{off}; sensitivity {self.performers.sensitivity:g}"
+        known = self._described()
+        taught = ", ".join(f"{name} {count}" for name, count in known["taught"].items()) or "nothing"
+        off = f"; off: {', '.join(known['off'])}" if known["off"] else ""
+        return f"taught: {taught}{off}; sensitivity {known['sensitivity']:g}"
 
     def _explained(self, notice: Notice | Changed) -> Notice | Changed:
         """Explain to a performer why frames that cannot be used prevent teaching."""
@@ -283,10 +279,10 @@ class RosterOpener:
 
     def _work(self) -> None:
         while change := self._changes.get():
-            waiting: list[Change | None] = [change]
+            changes = [change]
             while not self._changes.empty():
-                waiting.append(self._changes.get())
-            changes = [each for each in waiting if each]
+                if newer := self._changes.get():
+                    changes.append(newer)
             if self._ending.is_set():
                 return
             if not self._opened(changes, changes[-1].roster) and len(changes) > 1:
@@ -296,8 +292,6 @@ class RosterOpener:
                     kept = tuple(example for example in each.roster.examples if example.number not in failed)
                     if not self._opened([each], replace(each.roster, examples=kept)):
                         failed.add(each.number)
-            if len(changes) < len(waiting):
-                return
 
     def _opened(self, changes: Sequence[Change], roster: Roster) -> bool:
         """Open a roster and check the examples that came with it; say whether it could be opened."""

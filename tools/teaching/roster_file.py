@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -54,21 +53,18 @@ class RosterFile:
         if not path.absolute().parent.is_dir():
             raise FileNotFoundError(f"{path}: no such folder")
         self._path, self._new_path = path.absolute(), library_file.beside(path, "new")
-        self._lock = ExitStack()
-        self._lock.enter_context(library_file.locked(path, for_long=True))
-        try:
+        with ExitStack() as opened:
+            opened.enter_context(library_file.locked(path, for_long=True))
             _tidy(path.resolve())
             self.library = MotionLibrary.load(path) if path.exists() else None
             if self.library and self._new_path.exists():
                 library_file.write(path.resolve(), self.library.contents)
             self._new_path.unlink(missing_ok=True)
-        except BaseException:
-            self._lock.close()
-            raise
+            self._lock = opened.pop_all()
         #: The examples that the file had, that are in the file itself now with their library, that would survive now,
-        #: and the newest, with the moment since which they are.
+        #: that were looked at for new ones, and the newest, with the moment since which they are.
         kept = Roster.of_library(self.library) if self.library else Roster()
-        self._before = self._in_file = self._safe = self._newest = kept
+        self._before = self._in_file = self._safe = self._looked_at = self._newest = kept
         self._written, self._since = self.library, -math.inf
         #: Examples in the copy of the file before examples were lost.
         self._copied = 0
@@ -115,13 +111,10 @@ class RosterFile:
         while not self._ending:
             self._wait(lambda: self.has_unsaved)
             with self._adding:
-                roster = self._newest
-                self._write_new(roster)
+                self._looked_at = self._newest
+                self._write_new(self._looked_at)
             # The other thread has to write what cannot be added.
-            self._wait(partial(self._is_past, roster))
-
-    def _is_past(self, roster: Roster) -> bool:
-        return self._newest is not roster
+            self._wait(lambda: self._newest is not self._looked_at)
 
     def _write_new(self, roster: Roster) -> bool:
         """Write the examples that the file lacks beside it, if nothing else has changed; say whether that was done."""

@@ -59,7 +59,7 @@ class _Stage:
 
 
 def _seen(bodies: Bodies, time: float) -> dict[str, float]:
-    return {each.name: float(each.landmarks.picture[0, 0]) for each in bodies.seen(_PICTURE, time)}
+    return {name: float(each.picture[0, 0]) for name, each in bodies.seen(_PICTURE, time).items()}
 
 
 def test_the_detector_looks_while_the_body_is_lost_alone() -> None:

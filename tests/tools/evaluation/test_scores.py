@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NoReturn
 from xml.etree import ElementTree as ET
 
 import naive_score
@@ -28,11 +27,12 @@ from kinespace.tools.evaluation.scores import (
     NONE,
     Course,
     Figure,
-    Percentile,
-    Ratio,
-    RocArea,
     course_of,
+    percentile,
+    ratio,
+    roc_area,
     score_courses,
+    values_of,
 )
 from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
@@ -65,10 +65,11 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
         replace(empty, name="three", published=once, contains=()),
     ]
     score = score_courses(takes, CLASSES, 1.0)
-    assert score.values["takes_found"] == pytest.approx(1 / 3)
-    assert score.containing == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
-    assert (score.known["segments"], score.unknown["segments"]) == (0, 0)
-    assert score.values["frame_accuracy"] is None
+    values = values_of(score.figures)
+    assert values["takes_found"] == pytest.approx(1 / 3)
+    assert score.described["containing"] == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
+    assert (score.described["known"]["segments"], score.described["unknown"]["segments"]) == (0, 0)
+    assert values["frame_accuracy"] is None
 
 
 # --- against the twin --------------------------------------------------------------------------------------------
@@ -123,10 +124,11 @@ def test_any_course_is_scored_as_a_walk_through_its_moments(
     courses = [replace(course, name=f"{place}") for place, course in enumerate(courses)]
     walked, score = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
     exact = naive_score.stream_score(walked, window, LASTING)
-    assert score.values.keys() == exact.keys()
+    values = values_of(score.figures)
+    assert values.keys() == exact.keys()
     for name, value in exact.items():
-        assert score.values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
-    for name, found in score.classes.items():
+        assert values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
+    for name, found in score.described["classes"].items():
         own = [moment for take in walked for moment in take if moment.truth == CLASSES.index(name)]
         inside = [moment for moment in own if moment.time - window >= moment.start]
         shares = [naive_score.time_share(lambda m: m.guess == m.truth, each) for each in (own, inside)]
@@ -409,7 +411,7 @@ def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
     """A percentile of drawn units is the percentile of all their values; a unit without values adds none."""
     generator = np.random.default_rng(seed)
     values = [generator.random(generator.integers(0, 3)).tolist() for _ in range(6)]
-    figure = Percentile(values, percent)
+    figure = percentile(values, percent)
     exact = naive_score.percentile([each for unit in values for each in unit], percent)
     assert figure.value() == (None if exact is None else pytest.approx(exact))
     drawn = [naive_score.percentile(_repeated(values, counts), percent) for counts in naive_score.drawn_again(6, FIRST)]
@@ -425,7 +427,7 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
         [(generator.integers(0, 6, generator.integers(0, 4)) + shift).astype(float) for _ in range(4)]
         for shift in (1, 0)
     ]
-    figure = RocArea(*kinds)
+    figure = roc_area(*kinds)
     higher, lower = ([each.tolist() for each in kind] for kind in kinds)
     flat = [[value for each in kind for value in each] for kind in (higher, lower)]
     assert figure.value() == pytest.approx(naive_score.roc_area(*flat))
@@ -441,7 +443,7 @@ def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
 def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]]) -> None:
     """It is the quotient of the sums over what is drawn; a person, drawn as persons alone would be, has all units."""
     persons, counted, among = zip(*units, strict=True)
-    figure, everyone = Ratio(counted, among, 60.0, persons=(persons,)), sorted(set(persons))
+    figure, everyone = ratio(counted, among, 60.0, persons=(persons,)), sorted(set(persons))
     assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
     for by_person, of in (
         (False, [[each] for each in units]),
@@ -462,12 +464,12 @@ def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]])
 @pytest.mark.parametrize(
     "figure",
     [
-        Ratio([], []),
-        Ratio([0.0, 0.0], [0.0, 0.0]),
-        Percentile([[], []], 50),
-        RocArea([np.ones(3)], []),
-        RocArea([np.zeros(0)], [np.ones(2)]),
-        RocArea([np.ones(3)], [], persons=(["ann"], [])),
+        ratio([], []),
+        ratio([0.0, 0.0], [0.0, 0.0]),
+        percentile([[], []], 50),
+        roc_area([np.ones(3)], []),
+        roc_area([np.zeros(0)], [np.ones(2)]),
+        roc_area([np.ones(3)], [], persons=(["ann"], [])),
     ],
     ids=lambda figure: f"{figure}"[:30],
 )
@@ -492,10 +494,6 @@ def takes() -> list[Take]:
     return [_take(*each) for each in (("ann", 1), ("ann", 2), ("ben", 3), ("ben", 4), ("cid", 5))]
 
 
-def _unused() -> NoReturn:
-    raise AssertionError
-
-
 def _sources(asked: Asked) -> set[str]:
     """Name the takes that a library was cut from."""
     return {motion.take for motion in asked.library.motions}
@@ -503,7 +501,7 @@ def _sources(asked: Asked) -> set[str]:
 
 def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
     """Leaving one take out its library is cut from all others, the same person's among them."""
-    asked = asked_by(takes, Protocol.LEAVE_ONE_TAKE_OUT, _unused)
+    asked = asked_by(takes, Protocol.LEAVE_ONE_TAKE_OUT)
     everybody = {take.clip.name for take in takes}
     assert [each.take for each in asked] == takes
     assert [_sources(each) for each in asked] == [everybody - {take.clip.name} for take in takes]
@@ -515,7 +513,7 @@ def test_each_take_is_recognised_by_the_others(takes: list[Take]) -> None:
 def test_no_library_has_motions_of_a_person_who_asks(takes: list[Take], protocol: Protocol) -> None:
     """Each person is recognised by all others together, or recognises all others: one library for all their takes."""
     own = {"ann": ["ann1", "ann2"], "ben": ["ben3", "ben4"], "cid": ["cid5"]}
-    asked = asked_by(takes, protocol, _unused)
+    asked = asked_by(takes, protocol)
     assert [*dict.fromkeys(each.person for each in asked)] == [*own]
     for person, takes_of_person in own.items():
         of_person = [each for each in asked if each.person == person]

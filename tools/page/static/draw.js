@@ -42,10 +42,8 @@ const madeStage = (label) => made("canvas", { tabindex: 0, role: "img", "aria-la
 function fitted(canvas) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-  }
+  const pixels = { width: Math.round(width * ratio), height: Math.round(height * ratio) };
+  if (canvas.width !== pixels.width || canvas.height !== pixels.height) Object.assign(canvas, pixels);
   const context = canvas.getContext("2d");
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
@@ -67,15 +65,16 @@ const NEAR = 0.2; // metres before the eye, at least
 class Stage {
   constructor(canvas) {
     this.canvas = canvas;
-    this.yaw = 0.6;
-    this.pitch = 0.16;
-    this.zoom = 1;
+    this.reset();
     this.setSkeleton([], []);
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => event.buttons && this.turn(event.movementX / 150, event.movementY / 200));
     canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.closer(Math.exp(event.deltaY / 800)); }, { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
+
+  /** Look from where the stage is seen at first. */
+  reset() { Object.assign(this, { yaw: 0.6, pitch: 0.16, zoom: 1 }); }
 
   turn(yaw, pitch) {
     this.yaw += yaw;
@@ -86,18 +85,13 @@ class Stage {
 
   key(event) {
     const does = { ArrowLeft: () => this.turn(-0.12, 0), ArrowRight: () => this.turn(0.12, 0), ArrowUp: () => this.turn(0, 0.08),
-      ArrowDown: () => this.turn(0, -0.08), "+": () => this.closer(0.9), "-": () => this.closer(1.1),
-      0: () => { this.yaw = 0.6; this.pitch = 0.16; this.zoom = 1; } }[event.key];
+      ArrowDown: () => this.turn(0, -0.08), "+": () => this.closer(0.9), "-": () => this.closer(1.1), 0: () => this.reset() }[event.key];
     if (does) { event.preventDefault(); does(); }
   }
 
   /** Take the joints' names and parents; -1: a joint without a parent. */
   setSkeleton(names, parents) {
-    this.names = names;
-    this.upright = [0, 0];
-    this.centre = null;
-    this.floor = Infinity;
-    this.size = 0;
+    Object.assign(this, { names, upright: [0, 0], centre: null, floor: Infinity, size: 0 });
     this.bones = parents.map((parent, joint) => [parent, joint]).filter(([parent]) => parent >= 0);
     this.head = names.findIndex((name) => /^head$/i.test(name));
     const tips = [/^l(hand|wrist)$/i, /^r(hand|wrist)$/i, /^l(toes|foot)$/i, /^r(toes|foot)$/i].map(
@@ -202,9 +196,7 @@ class Stage {
     const fade = context.createRadialGradient(foot.x, foot.y, 0, foot.x, foot.y, reach * 0.8 * foot.scale);
     fade.addColorStop(0, theme.soft);
     fade.addColorStop(1, `${theme.soft}00`);
-    context.strokeStyle = fade;
-    context.globalAlpha = 0.35;
-    context.lineWidth = 1;
+    Object.assign(context, { strokeStyle: fade, globalAlpha: 0.35, lineWidth: 1 });
     context.beginPath();
     for (let across = -reach; across <= reach + step / 2; across += step) {
       this._line(context, { x: x + across, y: this.floor, z: z - reach }, { x: x + across, y: this.floor, z: z + reach });
@@ -215,9 +207,8 @@ class Stage {
   }
 
   _drawShadow(context) {
-    context.strokeStyle = "#000";
-    context.globalAlpha = 0.28;
-    context.lineWidth = 0.05 * this.size * this._project({ ...this.at, y: this.floor }).scale;
+    const { scale } = this._project({ ...this.at, y: this.floor });
+    Object.assign(context, { strokeStyle: "#000", globalAlpha: 0.28, lineWidth: 0.05 * this.size * scale });
     context.beginPath();
     const down = (joint) => ({ ...this.joints[joint], y: this.floor });
     for (const [parent, joint] of this.bones) {
@@ -232,11 +223,9 @@ class Stage {
       const angle = 2 * Math.PI * share * step / 48 - Math.PI / 2;
       return this._project({ x: this.at.x + 0.36 * this.size * Math.cos(angle), y: this.floor, z: this.at.z + 0.36 * this.size * Math.sin(angle) });
     });
-    context.lineWidth = 4;
-    context.strokeStyle = theme.line;
+    Object.assign(context, { strokeStyle: theme.line, lineWidth: 4 });
     stroke(context, arc(1));
-    context.lineWidth = 8;
-    context.strokeStyle = colour;
+    Object.assign(context, { strokeStyle: colour, lineWidth: 8 });
     stroke(context, arc(Math.min(Math.max(phase, 0.001), 1)));
   }
 
@@ -245,8 +234,8 @@ class Stage {
     for (const trail of this.trails) {
       const points = trail.map((joint) => this._project(joint));
       for (let from = 0; from < points.length - 1; from += 5) {
-        context.globalAlpha = 0.55 * (from + 5) / TRAIL;
-        context.lineWidth = 1 + 3 * (from + 5) / TRAIL;
+        const share = (from + 5) / TRAIL;
+        Object.assign(context, { globalAlpha: 0.55 * share, lineWidth: 1 + 3 * share });
         stroke(context, points.slice(from, from + 6));
       }
     }
@@ -264,8 +253,7 @@ class Stage {
     for (const [joints] of pieces) {
       const wide = Math.max(this._thickness(joints) * points[joints[0]].scale, 2);
       for (const [style, more] of strokes) {
-        context.strokeStyle = style;
-        context.lineWidth = wide + more;
+        Object.assign(context, { strokeStyle: style, lineWidth: wide + more });
         context.beginPath();
         for (const joint of joints) context.lineTo(points[joint].x, points[joint].y);
         if (joints.length > 2) { context.closePath(); context.fill(); }
@@ -300,13 +288,10 @@ class Stage {
       light.addColorStop(0, LIT);
       light.addColorStop(0.25, LIT);
       light.addColorStop(1, `${LIT}00`);
-      context.fillStyle = light;
-      context.globalAlpha = strength;
+      Object.assign(context, { fillStyle: light, globalAlpha: strength });
       this._dot(context, point, radius);
     });
-    context.strokeStyle = theme.text;
-    context.globalAlpha = 0.7;
-    context.lineWidth = 1.5;
+    Object.assign(context, { strokeStyle: theme.text, globalAlpha: 0.7, lineWidth: 1.5 });
     context.setLineDash([5, 5]);
     for (const pair of carried.pairs) stroke(context, pair.map((joint) => points[joint]));
     context.setLineDash([]);
@@ -331,12 +316,8 @@ function drawTimeline(canvas, rows, now) {
   const gutter = gutterOf(rows, width);
   const place = (second) => gutter + (1 - (now - second) / SHOWN) * (width - gutter);
   const hits = [];
-  context.font = SMALL;
-  context.textBaseline = "middle";
-  context.fillStyle = theme.soft;
-  context.strokeStyle = theme.line;
-  context.lineWidth = 1;
-  context.textAlign = "center";
+  Object.assign(context, { font: SMALL, textBaseline: "middle", textAlign: "center" });
+  Object.assign(context, { fillStyle: theme.soft, strokeStyle: theme.line, lineWidth: 1 });
   for (let ago = 0; ago <= SHOWN; ago += 10) {
     const x = place(now - ago);
     stroke(context, [{ x, y: 0 }, { x, y: height - 16 }]);
@@ -344,9 +325,8 @@ function drawTimeline(canvas, rows, now) {
   }
   let top = 2;
   for (const row of rows) {
-    context.textAlign = "left";
-    context.fillStyle = theme.soft;
-    if (gutter) context.fillText(shortened(context, row.name, gutter - 8), 0, top + (row.lanes[0]?.height ?? 24) / 2);
+    Object.assign(context, { textAlign: "left", fillStyle: theme.soft });
+    if (gutter) context.fillText(shortened(context, row.name, gutter - 8), 0, top + row.lanes[0].height / 2);
     context.save();
     context.beginPath();
     context.rect(gutter, 0, width - gutter, height);
@@ -365,15 +345,14 @@ function drawTimeline(canvas, rows, now) {
           context.fillText(bar.label, at, top + NAMES * tier + NAMES / 2);
           free[tier] = at + long + 6;
         }
-        const y = top + NAMES * free.length;
-        drawBar(context, { x, y, width: wide, height: lane.height }, bar);
-        hits.push({ x, y, width: wide, height: lane.height, bar, row });
+        const box = { x, y: top + NAMES * free.length, width: wide, height: lane.height };
+        drawBar(context, box, bar);
+        hits.push({ ...box, bar, row });
       }
       top += heightOfLane(lane);
     }
     if (row.line) {
-      context.strokeStyle = theme.text;
-      context.lineWidth = 1.5;
+      Object.assign(context, { strokeStyle: theme.text, lineWidth: 1.5 });
       context.beginPath();
       let last = -Infinity;
       for (const [second, value] of row.line) {
@@ -391,26 +370,24 @@ function drawTimeline(canvas, rows, now) {
 }
 
 function drawBar(context, { x, y, width, height }, bar) {
-  context.fillStyle = bar.colour;
-  context.globalAlpha = bar.mark === "wrong" ? 0.3 : 1;
+  const isWrong = bar.mark === "wrong";
+  Object.assign(context, { fillStyle: bar.colour, globalAlpha: isWrong ? 0.3 : 1 });
   context.beginPath();
   context.roundRect(x, y, width, height, Math.min(height / 4, 5));
   context.fill();
   context.globalAlpha = 1;
   if (bar.mark) {
-    context.strokeStyle = bar.mark === "wrong" ? theme.bad : theme.text;
-    context.lineWidth = 2;
+    Object.assign(context, { strokeStyle: isWrong ? theme.bad : theme.text, lineWidth: 2 });
     context.stroke();
   }
-  if (bar.mark === "wrong") stroke(context, [{ x, y: y + height / 2 }, { x: x + width, y: y + height / 2 }]);
+  if (isWrong) stroke(context, [{ x, y: y + height / 2 }, { x: x + width, y: y + height / 2 }]);
 }
 
 function shortened(context, text, width) {
-  if (width < 12) return "";
   if (context.measureText(text).width <= width) return text;
   let kept = text;
   while (kept && context.measureText(`${kept}…`).width > width) kept = kept.slice(0, -1);
-  return kept ? `${kept}…` : "";
+  return `${kept}…`;
 }
 
 const heightOfLane = (lane) => lane.height + NAMES * (lane.names ?? 0) + 3;

@@ -160,16 +160,14 @@ function drawPerformer(performer) {
   performer.card.classList.toggle("silent", silent > NO_FRAMES);
   if (silent > NO_FRAMES) {
     performer.stage.draw({ colour: colourOf(-1) });
-    performer.doing.textContent = "";
+    performer.doing.textContent = performer.carriedBy.textContent = "";
     performer.moment.textContent = `no frames for ${Math.round(silent)} s`;
-    performer.carriedBy.textContent = "";
     return;
   }
   const { answer, stage, carried } = performer;
   const class_ = answer ? page.classes.indexOf(answer.named ? answer.label : performer.going) : -1;
   const progress = answer?.progress;
-  stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried,
-    phase: progress?.phase });
+  stage.draw({ colour: bodyColour(class_), carried: answer?.label === "still" ? null : carried, phase: progress?.phase });
   if (!answer) return;
   const doing = titleOf(performer.going || (answer.named ? answer.label : ""));
   if (performer.doing.textContent !== doing) performer.doing.textContent = doing;
@@ -518,13 +516,9 @@ document.addEventListener("keydown", (event) => {
   if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
   const name = [...page.performers.keys()][Number(event.key) - 1];
   if (name && event.target.tagName !== "CANVAS") choose(name);
-  if (event.key === "t" && teaches()) { event.preventDefault(); byId("name").select(); }
-  if (event.key === "a" && teaches() && page.taught) teach(page.taught);
-  if (event.key === "h" && teaches()) hold(true);
-  if (event.key === "y" && teaches()) judge("right");
-  if (event.key === "n" && teaches()) judge("wrong");
-  if (event.key === "m" && teaches()) teachNothing();
-  if (event.key === "Escape" && teaches()) ask({ do: "cancel" });
+  const does = { t: () => { event.preventDefault(); byId("name").select(); }, a: () => page.taught && teach(page.taught),
+    h: () => hold(true), y: () => judge("right"), n: () => judge("wrong"), m: teachNothing, Escape: () => ask({ do: "cancel" }) };
+  if (teaches() && Object.hasOwn(does, event.key)) does[event.key]();
 });
 
 setTheme(localStorage.getItem("theme") ?? document.documentElement.dataset.theme);

@@ -15,12 +15,9 @@ function drawSpan(canvas) {
   const place = (second) => left + Math.max(second - page.now + SHOWN, 0) / seconds;
   const [from, to] = [place(span.begin), place(span.end)];
   const context = canvas.getContext("2d");
-  context.globalAlpha = 0.25;
-  context.fillStyle = theme.warm;
+  Object.assign(context, { fillStyle: theme.warm, globalAlpha: 0.25 });
   context.fillRect(from, 0, to - from, canvas.clientHeight - 16);
-  context.globalAlpha = 1;
-  context.strokeStyle = theme.warm;
-  context.lineWidth = 2;
+  Object.assign(context, { strokeStyle: theme.warm, globalAlpha: 1, lineWidth: 2 });
   context.strokeRect(from, 1, to - from, canvas.clientHeight - 18);
 }
 

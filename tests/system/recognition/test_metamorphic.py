@@ -82,7 +82,7 @@ def test_changes_that_do_not_matter(
 
 
 @SIGNATURES
-def test_a_mirror_image_has_the_same_answers(small_library: MotionLibrary, feed: Feed, signature: LiveSignature) -> None:
+def test_a_mirror_image_is_answered_alike(small_library: MotionLibrary, feed: Feed, signature: LiveSignature) -> None:
     """To the last bit: distances know no left and right. Courses do: what starts and is done may differ."""
     mirrored = _moved(lambda positions: positions * [-1.0, 1.0, 1.0])(feed)
     settings = replace(_settings(signature), progress=False)

@@ -546,7 +546,7 @@ def _tables() -> dict[str, Kind]:
         "a row twice": (table().replace(row := table().splitlines(keepends=True)[9], 2 * row), {}),
         "frames a second in a comment": ("# 60 fps\n" + table(clock=None), {}),
         "a word in front": (table(head="joint.{}.{}".format), {}),
-        "degrees beside": (table(more=[(f"Spine9_{axis} ({unit})", 0.5) for axis in "xyz" for unit in ("deg", "°", "N")]), {"tells": "no positions: Spine9_deg, Spine9_n"}),
+        "degrees beside": (table(more=[(f"Spine9_{axis} ({unit})", 0.5) for axis in "xyz" for unit in ("deg", "°", "N")]), {"tells": "no positions: Spine9_deg, Spine9_N"}),
         "newtons alone": (table(head=lambda name, axis: f"{name} {axis.upper()} [N]"), {"reads": False, "tells": "positions"}),
         "numbers before the names": (table(head=lambda name, axis: f"{NAMES.index(name) + 1} - {name} {axis.upper()}"), {}),
         "curves whose names stand three times": (",".join(3 * ["time", *NAMES]) + "\n" + ",".join(["0.5"] * 51) + "\n" + table().partition("\n")[2].replace("\n", ",1,2\n"), {"reads": False, "tells": "positions"}),

@@ -1,8 +1,8 @@
 """The header of a table of joints: which columns hold joints' positions, times, and what may tell people apart.
 
 One row names a column for each coordinate (`head_x`, `head.X`, `head:tx`, `Head Position X (mm)`, `x_head`); or one row
-names the joints and a later one their axes, as in the tables of Motive, Vicon and pandas; or each row is a joint, or a
-coordinate, and a column names it. Rows above say how often frames come, and the unit of length.
+names the joints and a later one their axes, as in the tables of Motive, Vicon and pandas, and in TRC; or each row is a
+joint, or a coordinate, and a column names it. Rows above say how often frames come, and the unit of length.
 """
 
 import math
@@ -18,17 +18,18 @@ from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_of, words_of
 
 #: What stands behind an axis: a word for a place, a unit or another word, or a number without a mark.
-_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
+_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,30}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
     re.compile(rf"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
-        r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
+        r"(?i)(?:pos|position|[tp])?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
         r"(?:[\W_]*[(\[](?P<unit>[µa-zA-Z]{1,11})[)\]])?[\W_]*"
     ),
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
-    re.compile(r"(?P<joint>.*\d)(?P<axis>[xyz])"),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>\d+)[\W_]*"),
+    re.compile(r"(?P<joint>.*(?:\d|[^\W_]{2}))(?P<axis>[xyz])"),
+    re.compile(r"(?P<axis>[xyz])(?P<joint>[a-z]\w*)"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")
@@ -126,23 +127,19 @@ def is_value(name: str) -> bool:
 
 def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
-    for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
-        row = rows[place]
+    names = [row for row in rows if not is_numbers(row)]
+    for place in range(len(names) - 1, max(len(names) - _DEEP, 0) - 1, -1):
+        row = names[place]
         if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
             row = row[1:]
         # R names no column for the numbers of its rows.
         row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
-        if row and row[0].strip() == "MARKER_NAMES":
-            front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
-            # A tab may stand at a line's end, too.
-            front -= front % 2 and not first[-1]
-            row = [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
-        if several := _of_several(rows, place):
-            return several
-        one = _of_one(row, first)
-        if found := one if len(one[0]) > 1 else _of_long(row, first):
+        for each in filter(None, (_over_axes(names, place, first), row)):
+            if len((one := _of_one(each, first))[0]) > 1:
+                return _header(rows, each, *one)
+        if found := _of_long(row, first):
             return _header(rows, row, *found)
-    row = _thrice(rows[-1]) if rows else []
+    row = _thrice(names[-1]) if names else []
     one = _of_one(row, first)
     return _header(rows, row, *one) if len(one[0]) > _FEW else None
 
@@ -178,13 +175,13 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         found, units, measures = dict[str, _Places](), set[str](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#%(' =\"").replace("°", "deg"))):
-                unit = (named.groupdict().get("unit") or "").lower()
+                unit = named.groupdict().get("unit") or ""
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 is_name = unit.isdigit() or metres_of(unit or "m") is None
                 joint = f"{named['joint']}_{unit}" if is_name else named["joint"]
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), []).append(place)
                 units.add("" if is_name else unit)
-                measures |= {joint} if unit in _NO_LENGTHS else set()
+                measures |= {joint} if unit.lower() in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
         ahead = {(*words[:-1],) for joint in whole if (words := words_of(joint))[-1:] == ["forward"]}
@@ -233,15 +230,22 @@ def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
 
 def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]] | None:
     """Find the axes, or the values, in the header of a table whose cells name joints, or coordinates."""
-    axes = [
-        (axis[1].lower(), axis[2], place) for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))
-    ]
-    axes = [each for each in axes if _WORLD & {*words_of(row[each[2]])}] or axes
-    units = {unit.lower() for _, unit, _ in axes if unit}
-    threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
+    found = dict[str, tuple[_Places, set[str]]]()
+    for place, name in enumerate(row):
+        if (axis := _AXIS.fullmatch(name.strip())) and (axis[2] or "").lower() not in _NO_LENGTHS:
+            # Axes that belong together differ in their letter alone.
+            front, end = axis.span(1)
+            places, units = found.setdefault(f"{axis.string[:front]}*{axis.string[end:]}".lower(), ({}, set()))
+            places.setdefault(axis[1].lower(), []).append(place)
+            units |= {axis[2].lower()} if axis[2] else set()
+    whole = {name: each for name, each in found.items() if len(each[0]) == 3}
+    name = next((each for each in whole if _WORLD & {*words_of(each)}), next(iter(whole), ""))
+    places, units = whole.get(name, ({}, set()))
+    axes = {place for each in places.values() for place in each}
+    threes = [*zip(*(places.get(axis, []) for axis in "xyz"), strict=False)]
     # Where joints stand beside each other a cell in front of each names it, in this row or in the next.
     named = {
-        row[three[0] - 1].strip(): three for three in threes if three[0] and not _AXIS.fullmatch(row[three[0] - 1])
+        row[three[0] - 1].strip(): three for three in threes if three[0] and three[0] - 1 not in axes
     }
     if len(named) == len(threes) > 1 and all(named) and len(first) >= len(row) - 1:
         return named, [], units
@@ -254,62 +258,77 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     return ({}, [], set()) if len(row) > 2 and any(map(is_value, row)) else None
 
 
-def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
-    """Read a header whose row of axes is below a row of names."""
-    size, numbered = len(rows[place]), sum(bool(_NUMBERED.search(name.strip())) for name in rows[place])
+def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) -> list[str]:
+    """Name the columns of a row of axes by the rows around it, other columns by their own cells and the next ones.
+
+    Empty where the row holds no axes, or no other row names them.
+    """
+    row, above = [name.strip() for name in rows[place]], rows[:place]
+    if above and row[0] == "MARKER_NAMES":
+        return _in_order(row, first)
     # Markers may be counted behind their axes, where names stand above: `X1`.
-    again = _NUMBERED if place and 3 < numbered <= 3 * sum(map(bool, rows[place - 1])) else _AGAIN
-    found = [_AXIS.fullmatch(again.sub("", name.strip())) for name in rows[place]]
-    found = [axis if axis and (axis[2] or "").lower() not in _NO_LENGTHS else None for axis in found]
-    axes = [axis[1].lower() if axis else name.strip().lower() for axis, name in zip(found, rows[place], strict=True)]
-    if min(map(axes.count, "xyz")) < 2:
-        return None
-    below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
-    above = [_filled(row, size, axes) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
-    below = below if rows[:place] else []
-    kinds = [row for row in above if {"position", "rotation", "joint angle"} & {name.lower() for name in row}]
-    said = {cell.lower() for row in above for cell in row}
+    again = _NUMBERED if above and sum(bool(_NUMBERED.search(name)) for name in row) > _FEW else _AGAIN
+    found = [_AXIS.fullmatch(again.sub("", name)) for name in row]
+    axes = [each[1].lower() if each and (each[2] or "").lower() not in _NO_LENGTHS else "" for each in found]
+    if min(map(axes.count, "xyz")) < _FEW:
+        return []
+    names = [_filled(each, len(row), axes) for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1]
+    heads, below = (
+        [next((each[c].strip() for each in cells if each[c : c + 1] not in ([], [""])), "") for c in range(len(row))]
+        for cells in (rows[place::-1][:2], rows[place + 1 :] if above else [])
+    )
+    kinds = [each for each in names if {"position", "rotation", "joint angle"} & {name.lower() for name in each}]
+    said = {cell.lower() for each in names for cell in each}
     bones = "bone" in said
     # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
     spare = {"marker", "bone marker", "rigid body"} if bones else {"rigid body marker"} if "marker" in said else {}
     ours = [
         column
         for column, axis in enumerate(axes)
-        if axis in ("x", "y", "z")
-        and not any(_NO_PLACES & {*words_of(row[column])} for row in kinds)
+        if axis
+        and not any(_NO_PLACES & {*words_of(each[column])} for each in kinds)
         # Degrees and newtons are no positions.
-        and not any(row[column] and metres_of(row[column]) is None for row in below)
-        and not any(row[column].lower() in spare for row in above)
+        and not (below[column] and metres_of(below[column]) is None)
+        and not any(each[column].lower() in spare for each in names)
     ]
-    if not ours or not above:
-        return None
+    if not ours or not names:
+        return []
     # The joints' row, not one that says rates and units.
     named = max(
-        above, key=lambda row: len(set.intersection(*({row[c] for c in ours if axes[c] == axis} for axis in "xyz")))
+        names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
     )
+    if above and any(len({named[column] for column in ours[n : n + 3]}) > 1 for n in range(0, len(ours), 3)):
+        return _in_order(above[-1], first)
     if len({(named[column], axes[column]) for column in ours}) < len(ours):
         # Another row tells the joints of several bodies apart.
-        apart = (row for row in above if len({(row[c], named[c], axes[c]) for c in ours}) == len(ours))
+        apart = (each for each in names if len({(each[c], named[c], axes[c]) for c in ours}) == len(ours))
         front = next(apart, None)
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
     # Motive calls a skeleton's first bone like the skeleton.
     named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
-    joints = dict[str, _Places]()
+    whole = ["" if axis else f"{head} {unit}" for axis, head, unit in zip(axes, heads, below, strict=True)]
     for column in ours:
-        joints.setdefault(named[column], {}).setdefault(axes[column], []).append(column)
-    joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
-    others = [joint for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}]
-    whole = _apart({joint: each for joint, each in joints.items() if joint not in others})
-    units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
-    # What stands below an axis is no clock: Vicon's speeds count in `mm/s`.
-    names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    names = ["" if axis in {*"xyz"} else name for axis, name in zip(axes, names, strict=True)]
-    return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
+        unit = (found[column] or ["", "", ""])[2] or below[column]
+        whole[column] = f"{named[column]}_{axes[column]} {unit}" if named[column] else ""
+    return whole
+
+
+def _in_order(row: Sequence[str], first: Sequence[str]) -> list[str]:
+    """Name three columns after each name of a row whose names do not stand over their columns; empty if they do not fit."""
+    cells = [*filter(None, map(str.strip, row))]
+    for each in (cells, " ".join(cells).split()):
+        names = [name for name in each if name != "MARKER_NAMES" and not (_FRAMES | _TIMES) & {*words_of(name)}]
+        front = len(first) - 3 * len(names)
+        # A tab may stand at a line's end, too.
+        front -= front % 2 and not first[-1]
+        if len(names) > 1 and 0 <= front < 3:
+            return [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
+    return []
 
 
 def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str]:
     """Give each empty cell the text on its left: a name stands over the first of its columns, or the second, alone."""
-    if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis in {*"xyz"}} == {"y"}:
+    if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis} == {"y"}:
         row = row[1:]
     cells = [*(name.strip() for name in row), *[""] * size][:size]
 

@@ -54,14 +54,20 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
 _ROOT = re.compile(r"(.+):\1")
-_RATE = re.compile(
-    r"((export|camera|capture|recording|video|(stream )?nominal) )?"
-    r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
-    re.IGNORECASE,
+#: How the rows above say the rate (a camera's where no other is said), the unit of length, and the number of frames.
+_FREQUENCY = (
+    r"(?:(?:export|recording|video|stream|nominal|acquisition|data|frame|point|marker|sampl\w+)[ _]?){0,3}"
+    r"(?:rate|freq(?:uency)?|fps|fs|hz|frames? per sec\w*)\b.*"
 )
-_ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
-_LEADING = re.compile(r"\s*(\d+\.?\d*)")
-_UNIT = re.compile(r"(length |pos\w*? ?)?units?\W*", re.IGNORECASE)
+_SAID = {
+    "rate": re.compile(_FREQUENCY, re.IGNORECASE),
+    "capture": re.compile(rf"(?:capture|camera)[ _]?{_FREQUENCY}", re.IGNORECASE),
+    "unit": re.compile(r"(?:length |pos\w*? ?)?units?\W*", re.IGNORECASE),
+    "frames": re.compile(r"(?:num(?:ber)?|no)_?(?:of_)?frames?|nrows", re.IGNORECASE),
+}
+_BETWEEN = re.compile(r"\s*[:=]\s*|\s+(?=[\d.]+\s*(?:hz)?\Z)", re.IGNORECASE)
+_ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(?:hz|fps)?\W*", re.IGNORECASE)
+_LEADING, _WORD = re.compile(r"\s*(\d+\.?\d*)"), re.compile(r"\W*([^\W\d]+|\?)")
 #: The columns of x, y and z, by joint; and the columns of each axis.
 _Columns = Mapping[str, tuple[int, int, int]]
 _Places = dict[str, list[int]]
@@ -83,8 +89,8 @@ class Header:
     people, free, labels
         Columns named like those that tell people apart, all others of no known meaning, and columns named like those of
         joints' names.
-    rate, metres
-        Frames per second and metres of the unit, where the header says them; else 0 and None.
+    rate, unit, frames
+        Frames per second, the unit of length, and the number of frames, where the header says them.
     others
         Names of columns that come by three but hold no positions.
     rank
@@ -98,7 +104,8 @@ class Header:
     free: Sequence[int]
     labels: Sequence[int]
     rate: float
-    metres: float | None
+    unit: str
+    frames: float
     others: Sequence[str]
     rank: tuple[bool, int]
 
@@ -139,7 +146,7 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
                 return _header(rows, each, *one)
         if found := _of_long(row, first):
             return _header(rows, row, *found)
-    row = _thrice(names[-1]) if names else []
+    row = _thrice(names[-1], len(first)) if names else []
     one = _of_one(row, first)
     return _header(rows, row, *one) if len(one[0]) > _FEW else None
 
@@ -154,10 +161,10 @@ def _continued(row: Sequence[str]) -> list[str]:
     return names
 
 
-def _thrice(row: Sequence[str]) -> list[str]:
+def _thrice(row: Sequence[str], size: int) -> list[str]:
     """Give numbers to the three columns of a name that stands there thrice, once, or as pandas has it (`head.1`)."""
-    bare = [_AGAIN.sub("", name.strip()) for name in row]
-    names = _filled(bare, len(bare))
+    row = [*row, *[""] * (size - len(row))]
+    names = _filled([_AGAIN.sub("", name.strip()) for name in row], size or len(row))
     counts, begin = Counter(names), {name: place for place, name in reversed([*enumerate(names)])}
     return [
         f"{name}_{place - begin[name] + 1}"
@@ -244,9 +251,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     axes = {place for each in places.values() for place in each}
     threes = [*zip(*(places.get(axis, []) for axis in "xyz"), strict=False)]
     # Where joints stand beside each other a cell in front of each names it, in this row or in the next.
-    named = {
-        row[three[0] - 1].strip(): three for three in threes if three[0] and three[0] - 1 not in axes
-    }
+    named = {row[three[0] - 1].strip(): three for three in threes if three[0] and three[0] - 1 not in axes}
     if len(named) == len(threes) > 1 and all(named) and len(first) >= len(row) - 1:
         return named, [], units
     labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
@@ -259,7 +264,7 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
 
 
 def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) -> list[str]:
-    """Name the columns of a row of axes by the rows around it, other columns by their own cells and the next ones.
+    """Name the columns of a row of axes by the rows around it, other columns by their own cells or the ones above.
 
     Empty where the row holds no axes, or no other row names them.
     """
@@ -270,54 +275,60 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     again = _NUMBERED if above and sum(bool(_NUMBERED.search(name)) for name in row) > _FEW else _AGAIN
     found = [_AXIS.fullmatch(again.sub("", name)) for name in row]
     axes = [each[1].lower() if each and (each[2] or "").lower() not in _NO_LENGTHS else "" for each in found]
-    if min(map(axes.count, "xyz")) < _FEW:
-        return []
     names = [_filled(each, len(row), axes) for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1]
-    heads, below = (
-        [next((each[c].strip() for each in cells if each[c : c + 1] not in ([], [""])), "") for c in range(len(row))]
-        for cells in (rows[place::-1][:2], rows[place + 1 :] if above else [])
-    )
-    kinds = [each for each in names if {"position", "rotation", "joint angle"} & {name.lower() for name in each}]
-    said = {cell.lower() for each in names for cell in each}
-    bones = "bone" in said
-    # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
-    spare = {"marker", "bone marker", "rigid body"} if bones else {"rigid body marker"} if "marker" in said else {}
-    ours = [
-        column
-        for column, axis in enumerate(axes)
-        if axis
-        and not any(_NO_PLACES & {*words_of(each[column])} for each in kinds)
-        # Degrees and newtons are no positions.
-        and not (below[column] and metres_of(below[column]) is None)
-        and not any(each[column].lower() in spare for each in names)
-    ]
-    if not ours or not names:
+    ours = _places_among(axes, names, rows[place + 1 :] if above else [])
+    if min(map(axes.count, "xyz")) < _FEW or not ours or not names:
         return []
     # The joints' row, not one that says rates and units.
     named = max(
         names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
     )
-    if above and any(len({named[column] for column in ours[n : n + 3]}) > 1 for n in range(0, len(ours), 3)):
-        return _in_order(above[-1], first)
+    is_over = all(len({named[column] for column in ours[n : n + 3]}) == 1 for n in range(0, len(ours), 3))
+    if above and all(coordinate_of(names[-1][column]) for column in ours):
+        # Each column has a whole name.
+        return names[-1]
+    if above and not (is_over and named == names[-1]) and (in_order := _in_order(above[-1], first)):
+        return in_order
+    if not is_over:
+        return []
     if len({(named[column], axes[column]) for column in ours}) < len(ours):
         # Another row tells the joints of several bodies apart.
         apart = (each for each in names if len({(each[c], named[c], axes[c]) for c in ours}) == len(ours))
         front = next(apart, None)
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
-    # Motive calls a skeleton's first bone like the skeleton.
-    named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
-    whole = ["" if axis else f"{head} {unit}" for axis, head, unit in zip(axes, heads, below, strict=True)]
+    near = [*(above[-1] if above else ()), *[""] * len(row)]
+    heads = ["" if axis else cell or up.strip() for axis, cell, up in zip(axes, row, near, strict=False)]
     for column in ours:
-        unit = (found[column] or ["", "", ""])[2] or below[column]
-        whole[column] = f"{named[column]}_{axes[column]} {unit}" if named[column] else ""
-    return whole
+        # Motive calls a skeleton's first bone like the skeleton.
+        name, axis = _ROOT.sub(r"\1:Hip", named[column]), found[column]
+        heads[column] = f"{name}_{axis[1]} {axis[2] or ''}" if axis and name else ""
+    return heads
+
+
+def _places_among(axes: Sequence[str], names: Sequence[Sequence[str]], below: Sequence[Sequence[str]]) -> list[int]:
+    """Choose of the columns of axes the ones of positions, by the rows of names and the rows below."""
+    kinds = [each for each in names if {"position", "rotation", "joint angle"} & {name.lower() for name in each}]
+    said = {cell.lower() for each in names for cell in each}
+    # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
+    spare = {"rigid body marker"} if "marker" in said else set[str]()
+    spare = {"marker", "bone marker", "rigid body"} if "bone" in said else spare
+    return [
+        column
+        for column, axis in enumerate(axes)
+        if axis
+        and not any(_NO_PLACES & {*words_of(each[column])} for each in kinds)
+        # Degrees and newtons are no positions.
+        and not any(cell.strip() and metres_of(cell) is None for each in below for cell in each[column : column + 1])
+        and not any(each[column].lower() in spare for each in names)
+    ]
 
 
 def _in_order(row: Sequence[str], first: Sequence[str]) -> list[str]:
-    """Name three columns after each name of a row whose names do not stand over their columns; empty if they do not fit."""
+    """Name three columns after each name of a row whose names do not stand over them; empty where they do not fit."""
     cells = [*filter(None, map(str.strip, row))]
     for each in (cells, " ".join(cells).split()):
-        names = [name for name in each if name != "MARKER_NAMES" and not (_FRAMES | _TIMES) & {*words_of(name)}]
+        heads = [name for name in each[:2] if name == "MARKER_NAMES" or (_FRAMES | _TIMES) & {*words_of(name)}]
+        names = each[len(heads) :]
         front = len(first) - 3 * len(names)
         # A tab may stand at a line's end, too.
         front -= front % 2 and not first[-1]
@@ -350,12 +361,18 @@ def _header(
     numbers = [c for c, each in words.items() if len(each) < 4 and _FRAMES & {*each[:1]}]
     frames = sorted({*numbers, *(c for c, each in words.items() if each[-1:] == ["frame"])})
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
-    said = list(_said(rows))
-    rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
+    said = dict[str, list[str]]()
+    for name, value in _said(rows):
+        kind = next((kind for kind, form in _SAID.items() if form.fullmatch(name)), "")
+        if found := (_WORD if kind == "unit" else _LEADING).match(value):
+            said.setdefault(kind, []).append(found[1])
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
-    alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
-    named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
-    named += [metres_of(units.pop())] if len(units) == 1 else []
+    alone = [number[1] for row in reversed(rows) if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
+    rates = map(float, (*said.get("rate", ()), *said.get("capture", ()), *alone))
+    # A row of units may stand over the joints' columns, or below their names.
+    over = [{row[column].strip("()[]. ").lower() for column in taken if column < len(row)} - {""} for row in rows]
+    lengths = {each.lower() for each in units}.union(*(each for each in over if each <= {*METRES})) & {*METRES}
+    of_length = [*said.get("unit", ()), *(lengths if len({*map(METRES.get, lengths)}) == 1 else ())]
     return Header(
         [name.strip().strip("#").strip() for name in names],
         _plain(joints),
@@ -363,22 +380,26 @@ def _header(
         people,
         [column for column in words if column not in {*times, *frames, *people}],
         [column for column, each in words.items() if _LABELS & {*each}],
-        next((rate for rate in (*rates, *reversed(alone)) if rate > 1), 0.0),
-        next((each for each in named if each), None),
+        next((rate for rate in rates if rate > 1), 0.0),
+        next(filter(metres_of, of_length), next(iter(of_length), "")),
+        next(map(float, said.get("frames", ())), 0.0),
         others,
         (any(row and row[0].lower() == "trajectories" for row in rows), len(joints)),
     )
 
 
 def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
-    """Give each cell with the cells behind and below it, and what stands around a colon or an equals sign."""
+    """Give each cell with the cells behind and below it, and what stands around a colon, an equals sign or a blank."""
     for row, below in zip(rows, [*rows[1:], []], strict=False):
-        yield from zip(map(str.strip, row), below, strict=False)
-        yield from ((name.strip(), value) for name, value in pairwise(row))
+        keys, values = ([cell.strip() for cell in each if cell.strip()] for each in (row, below))
+        # Where as many cells are filled, they belong together in their order.
+        if len(keys) != len(values):
+            keys, values = [cell.strip() for cell in row], [*below]
+        yield from zip(keys, values, strict=False)
+        yield from () if is_numbers(below) else pairwise(map(str.strip, row))
         for cell in row:
-            name, mark, value = re.sub("[:=]", ":", cell.strip("#/% "), count=1).partition(":")
-            if mark:
-                yield name.strip(), value
+            name, *value = _BETWEEN.split(cell.strip("#/% "), maxsplit=1)
+            yield name, next(iter(value), "")
 
 
 def _plain(joints: _Columns) -> _Columns:

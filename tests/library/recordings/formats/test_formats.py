@@ -262,9 +262,6 @@ BROKEN["bvh"] += [
         ":24: expected finite num",
     ),
 ]
-BROKEN["trc"] += [
-    (GOOD["trc"].split("\n")[1], "", ":1: expected a TRC, got no line that names DataRate"),
-]
 BROKEN["csv"] += [
     (GOOD["csv"][GOOD["csv"].index("\n0.01") :], "", ": expected at least 2 frames, got 1"),
 ]

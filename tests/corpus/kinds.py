@@ -511,7 +511,7 @@ def _tables() -> dict[str, Kind]:
         "the same body again, filtered": (table(names=[f"{kind}_{name}" for kind in ("raw", "filt") for name in NAMES], positions=np.concatenate([BODY, BODY + 0.002], axis=1)), {"people": ("raw",), "tells": "the same body again: filt"}),
         "names and units in brackets around axes": (_lines([["", *(name for name in NAMES for _ in "xyz")], ["Time", *"XYZ" * 16], ["(s)", *["(mm)"] * 48]], "\t") + _frames(1000 * BODY, lambda place: f"{place / RATE:.4f}", "\t"), {"ending": "txt"}),
         "a sample's time": (table(clock="SampleTimeFine", times=_times(1e6)), {}),
-        "speeds by the same names": (table(names=NAMES * 2, positions=np.concatenate([BODY, 60 * np.gradient(BODY, axis=0)], axis=1)), {"people": ("0",), "tells": "no body: 1"}),
+        "speeds by the same names": (table(names=NAMES * 2, positions=np.concatenate([BODY, 60 * np.gradient(BODY, axis=0)], axis=1)), {"tells": "no body: 1"}),
         "two people glued in front": (table(names=[f"Player{who}{name}" for who in (1, 2) for name in NAMES], head=lambda name, axis: name + axis.upper(), positions=BOTH), {"people": ("Player1", "Player2")}),
         "local places alone": (table(head=lambda name, axis: f"{name}.m_LocalPosition.{axis}"), {"names": tuple(f"{name}.m_Local" for name in NAMES), "tells": "called local"}),
         "X=0.1 Y=0.2 Z=0.3": (_points("X={:.4f} Y={:.4f} Z={:.4f}"), {}),

@@ -267,12 +267,12 @@ def _rates_in(said: str) -> tuple[re.Match[str] | None, ...]:
 
 
 def _frame_rate(period: str) -> float:
-    """Frames per second: the usual rate, or the whole number, from which the period was rounded (0.0083333 is 120)."""
+    """Frames per second: the usual rate, or the whole number, from which the period was rounded or cut (0.00833: 120)."""
     seconds = float(period)
     rate = 1.0 / seconds
     decimals = len(period.lower().partition("e")[0].partition(".")[2])
     usual, whole = float(USUAL[np.abs(1 / USUAL - seconds).argmin()]), float(round(rate))
-    near = (each for each in (usual, whole) if each and abs(1 / each - seconds) <= 0.5001 * 10.0**-decimals)
+    near = (each for each in (usual, whole) if each and abs(1 / each - seconds) <= 10.0**-decimals)
     return rate if "e" in period.lower() or math.isclose(rate, whole) else next(near, rate)
 
 

@@ -148,4 +148,4 @@ def plain(label: str) -> str:
 
 
 def _after_colon(label: str) -> str:
-    return label.rpartition(":")[2] or label
+    return label.rpartition(":")[2].strip() or label

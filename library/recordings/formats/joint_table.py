@@ -225,9 +225,11 @@ class _Table:
 
     def __post_init__(self) -> None:
         head = self.header
+        # Where nobody is seen a row may be shorter than its header.
+        self.first = [*self.first, *[""] * (len(head.names) - len(self.first))] if self.first else self.first
         self.columns = [column for axes in head.joints.values() for column in axes]
         self.clocks = {column: array("d") for column in head.clocks}
-        free = [each for each in head.free if each < len(self.first) and "." not in self.first[each]]
+        free = [each for each in head.free if self.first and "." not in self.first[each]]
         self.cells = {column: ({}, array("q")) for column in (*head.people, *free)}
         self.needed = max([*self.columns, *head.clocks, *head.people]) + 1 if self.is_wide else len(self.first)
 

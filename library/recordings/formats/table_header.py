@@ -284,7 +284,7 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
         names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
     )
     is_over = all(len({named[column] for column in ours[n : n + 3]}) == 1 for n in range(0, len(ours), 3))
-    if above and all(coordinate_of(names[-1][column]) for column in ours):
+    if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):
         # Each column has a whole name.
         return names[-1]
     if above and not (is_over and named == names[-1]) and (in_order := _in_order(above[-1], first)):

@@ -45,6 +45,8 @@ _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LE
     frozenset(WORDS["columns"][kind])
     for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places", "no_lengths")
 )
+#: Shorter ones may be names of markers, which stand over their axes.
+_NO_MARKERS = frozenset(word for word in _NO_PLACES if len(word) > 4)
 _PERSON = re.compile(rf"({'|'.join(WORDS['columns']['people'])})( ?(id|ids|idx|index|nr|no|number|name))?|p?id")
 #: Joints that a row must name without axes, at least one more.
 _FEW = 2
@@ -141,8 +143,8 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
             row = row[1:]
         # R names no column for the numbers of its rows.
         row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
-        for each in filter(None, (_over_axes(names, place, first), row)):
-            if len((one := _of_one(each, first))[0]) > 1:
+        for each, no_places in ((_over_axes(names, place, first), _NO_MARKERS), (row, _NO_PLACES)):
+            if len((one := _of_one(each, first, no_places))[0]) > 1:
                 return _header(rows, each, *one)
         if found := _of_long(row, first):
             return _header(rows, row, *found)
@@ -175,7 +177,9 @@ def _thrice(row: Sequence[str], size: int) -> list[str]:
     ]
 
 
-def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]]:
+def _of_one(
+    row: Sequence[str], first: Sequence[str], no_places: frozenset[str] = _NO_PLACES
+) -> tuple[_Columns, list[str], set[str]]:
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
     best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
@@ -195,7 +199,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures or _is_no_place(joint, ahead) or (turns and len(axes) == 4)
+            if joint in measures or _is_no_place(joint, ahead, no_places) or (turns and len(axes) == 4)
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
@@ -206,7 +210,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     return best
 
 
-def _is_no_place(name: str, ahead: Collection[tuple[str, ...]]) -> bool:
+def _is_no_place(name: str, ahead: Collection[tuple[str, ...]], no_places: frozenset[str]) -> bool:
     """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place.
 
     What has a vector `ahead` (Unity's `head_forward`) may have others up and to the right; `hand_right` is a joint.
@@ -214,10 +218,10 @@ def _is_no_place(name: str, ahead: Collection[tuple[str, ...]]) -> bool:
     *front, last = words_of(name) or [""]
     if last in ("forward", "up", "right") and (*front,) in ahead:
         return True
-    ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
+    ends = tuple(word for word in no_places if len(word) > 2) if name.isupper() else ()
     # ROS puts `field.` in front of all its names.
     is_field = name.lower() == "field"
-    return is_field or bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
+    return is_field or bool(no_places & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
 def _apart(found: Mapping[str, _Places]) -> _Columns:

@@ -197,8 +197,8 @@ class _Table:
 
     Attributes
     ----------
-    first, begin, mark
-        The first frame, its line, and the mark between fields.
+    first, begin
+        The first frame and its line.
     points
         The columns whose fields hold three numbers each.
     values, clocks
@@ -212,7 +212,6 @@ class _Table:
     header: Header
     first: Sequence[str]
     begin: int
-    mark: str = ","
     points: Collection[int] = ()
     values: array[float] = field(default_factory=lambda: array("d"))
     clocks: dict[int, array[float]] = field(default_factory=dict)
@@ -237,14 +236,13 @@ class _Table:
         """Take in a row; refuse one of another width than the header's."""
         missing, width = self.needed - len(row), len(self.header.names)
         beyond = sum(map(bool, row[width:])) if len(row) > width else 0
-        # Where nobody was seen a row may end behind its time; tabs at its end are often cut off.
-        short = missing > 0 and self.mark != "\t"
+        # Where nobody was seen a row may end behind its time.
         # A number more than the first frame has moves all behind it; a remark may stand there.
         more = any(map(_is_finite, row[max(width, len(self.first)) :]))
-        if (short and missing > len(row) > min(self.columns, default=0)) or more or 5 * beyond > self.needed + 5:
+        if missing > len(row) > min(self.columns, default=0) or more or 5 * beyond > self.needed + 5:
             want, why = (width, ": commas in numbers, too?" * (not more)) if beyond else (self.needed, "")
             refuse(path, line, f"expected {want} fields, got {len(row)}{why}")
-        self.short, row = self.short + short, row + [""] * missing
+        self.short, row = self.short + (missing > 0), row + [""] * missing
         if not self.is_wide:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
@@ -370,7 +368,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
             table = None
         blank &= table is None
         if table is None:
-            if table := _part(head, row, line, mark):
+            if table := _part(head, row, line):
                 yield table
                 head, named, blank = [], head[-1], False
             else:
@@ -383,12 +381,13 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
-            table.take(path, line, cells)
+            # Tabs at a line's end are often cut off.
+            table.take(path, line, [*cells, *[""] * (table.needed - len(cells))] if mark == "\t" else cells)
     if table is None and (header := header_of(head)) and len(header.joints) > 1:
-        yield _Table(header, [], line, mark)
+        yield _Table(header, [], line)
 
 
-def _part(head: list[list[str]], row: list[str], line: int, mark: str) -> _Table | None:
+def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
     """Begin a table with its first frame; None where that is no frame, or the rows above name no two joints."""
     if not head:
         return None
@@ -396,10 +395,10 @@ def _part(head: list[list[str]], row: list[str], line: int, mark: str) -> _Table
     points = [place for place, each in enumerate(parts) if len(each) == 3 and None not in map(number_of, each)]
     # Of a table with one joint in a row there is one such field.
     ways = [points] if len(points) != 1 else [[], points]
-    return next(filter(None, (_with_points(head, row, line, mark, each) for each in ways)), None)
+    return next(filter(None, (_with_points(head, row, line, each) for each in ways)), None)
 
 
-def _with_points(head: list[list[str]], row: list[str], line: int, mark: str, points: Collection[int]) -> _Table | None:
+def _with_points(head: list[list[str]], row: list[str], line: int, points: Collection[int]) -> _Table | None:
     """Begin a table whose frames hold three numbers in some fields; None as in `_part`."""
     first = _spread(row, points)
     # Where nobody is seen at first, frames have a time alone.
@@ -412,7 +411,7 @@ def _with_points(head: list[list[str]], row: list[str], line: int, mark: str, po
     if 0 in header.free and not header.names[0] and (":" in first[0] or number_of(first[0] or "-") is not None):
         # An index without a name.
         header = replace(header, clocks=[*header.clocks, 0], free=[each for each in header.free if each])
-    return _Table(header, first, line, mark, points)
+    return _Table(header, first, line, points)
 
 
 def _labels_in(head: Header, first: Sequence[str]) -> list[int]:

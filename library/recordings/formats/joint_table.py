@@ -358,7 +358,7 @@ def _begun(path: Path, most: int | None = None) -> str | None:
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
     """Give each part of a text that is a table of joints when its first frame comes; it gets its rows later."""
-    head, named, table, blank, line = list[list[str]](), list[str](), None, False, 0
+    head, named, table, blank, goes, line = list[list[str]](), list[str](), None, False, False, 0
     for line, (row, after) in enumerate(pairwise(chain(_rows(path, mark, most), [None])), start=1):
         if not row or not any(row) or (table and (row[0].startswith("#") or row == named)):
             blank |= not row or not any(row)
@@ -373,7 +373,8 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
                 head, named, blank = [], head[-1], False
             else:
                 # Numbers may stand below their names, as in TRC; where they go on, they are another part's.
-                head = [] if is_numbers(row) and head and is_numbers(head[-1]) else [*head, row]
+                before, goes = goes, is_numbers(row)
+                head = [] if before and goes else [*head, row]
                 if len(head) > _MAX_HEAD:
                     return
                 continue

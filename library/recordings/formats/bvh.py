@@ -92,7 +92,7 @@ def _statements(path: Path) -> Iterator[Line]:
     for number, text in enumerate(lines_of(path, errors="replace"), start=1):
         several = "{" in text or "}" in text or text.lstrip().startswith(("HIERARCHY", "OFFSET", "CHANNELS"))
         for piece in _CUT.split(text) if several else (text,):
-            if piece and (words := piece.split()) and not words[0].startswith(("#", "//")):
+            if piece and (words := piece.split()) and not words[0].startswith(("#", "//", ";")):
                 yield Line(path, number, words)
 
 

@@ -227,7 +227,8 @@ def seconds_of(moments: Times, name: str, rate: float | None = None) -> tuple[Ti
     if step and rate and not named:
         # The unit that gives the rate which is known otherwise.
         units.sort(key=lambda unit: abs(math.log(rate * step * unit)) > _NEARLY)
-    for lowest, highest in _RATES if step else ():
+    # Numbers of frames are no slow seconds.
+    for lowest, highest in (_RATES[:1] if counts else _RATES) if step else ():
         for unit in units:
             # A unit that the file names is believed while it is possible at all.
             least, most = _RATES[-1] if unit == named else (lowest, _MOST_BY_TICKS if unit == 1e-7 else highest)

@@ -22,7 +22,7 @@ _BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
-    re.compile(rf"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
+    re.compile(rf"(?P<joint>.+[a-z]|.*(?:[0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
         r"(?i)(?:pos|position|[tp])?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
         r"(?:[\W_]*[(\[](?P<unit>[µa-zA-Z]{1,11})[)\]])?[\W_]*"

@@ -138,16 +138,16 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
     """Read the rows above a table's first frame; None where they name no two joints."""
     names = [row for row in rows if not is_numbers(row)]
     for place in range(len(names) - 1, max(len(names) - _DEEP, 0) - 1, -1):
-        row = names[place]
+        row, others = names[place], [each for each in rows if each is not names[place]]
         if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
             row = row[1:]
         # R names no column for the numbers of its rows.
         row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
         for each, no_places in ((_over_axes(names, place, first), _NO_MARKERS), (row, _NO_PLACES)):
             if len((one := _of_one(each, first, no_places))[0]) > 1:
-                return _header(rows, each, *one)
+                return _header(others, each, *one)
         if found := _of_long(row, first):
-            return _header(rows, row, *found)
+            return _header(others, row, *found)
     row = _thrice(names[-1], len(first)) if names else []
     one = _of_one(row, first)
     return _header(rows, row, *one) if len(one[0]) > _FEW else None

@@ -484,6 +484,7 @@ def _tables() -> dict[str, Kind]:
         "bars between a person and a joint": (_people("{}|{}", ("ann", "bob")), {"people": ("ann", "bob")}),
         "times missing at the end": (table(times=[*(f"{time:.4f}" for time in TIMES[:-1]), "NaN"]), {"frames": slice(-1), "tells": "1 frames without one"}),
         "a thousand frames a second": (table(times=[f"{place / 1000:.3f}" for place in range(48)]), {"rate": 1000.0}),
+        "nobody for a moment, no times": (table(clock=None, positions=np.where(np.isin(np.arange(48), (20, 21))[:, None, None], np.nan, BODY)) + "," * 47 + "\n", {"rate": 30.0, "tells": "times: none", "near": 3e-3}),
         "halves of frames": (table(clock="frame", times=[place / 2 for place in range(48)]), {"rate": 30.0, "tells": "no rate of frames"}),
         "a row of units below the names": (table(positions=BODY / 0.0254).replace("\n", "\ns" + ",in" * 48 + "\n", 1), {"near": 3e-4}),
         "times named above the axes": ("frame,time," + ",,,".join(NAMES) + ",,\n,," + ",".join([*"xyz"] * 16) + "\n" + _frames(BODY, lambda place: f"{place},{TIMES[place]:.4f}"), {}),

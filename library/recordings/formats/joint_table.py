@@ -322,9 +322,9 @@ class _Table:
         bodies = round(len(same) / max(1, (~same).sum()))
         if not 1 < bodies < min(_MOST_AT_ONCE, len(same) / 4):
             return False
-        apart = np.linalg.norm(np.diff(places, axis=0), axis=2)[same]
-        moved = np.linalg.norm(places[bodies:] - places[:-bodies], axis=2)
-        return bool(np.nanmedian(apart) > _OTHER * np.nanmedian(moved))
+        pairs = np.diff(places, axis=0)[same], places[bodies:] - places[:-bodies]
+        apart, moved = (np.linalg.norm(each[np.isfinite(each).all(axis=2)], axis=1) for each in pairs)
+        return bool(len(apart) and len(moved) and np.median(apart) > _OTHER * np.median(moved))
 
 
 def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
@@ -359,9 +359,13 @@ def _begun(path: Path, most: int | None = None) -> str | None:
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
     """Give each part of a text that is a table of joints when its first frame comes; it gets its rows later."""
     head, named, table, blank, goes, line = list[list[str]](), list[str](), None, False, False, 0
+    gone = list[list[str]]()
     for line, (row, after) in enumerate(pairwise(chain(_rows(path, mark, most), [None])), start=1):
         if not row or not any(row) or (table and (row[0].startswith("#") or row == named)):
             blank |= not row or not any(row)
+            # Where no time is said a row of nothing is a frame in which nobody is seen, unless it is among the last.
+            is_frame = row and table and not table.clocks and len(row) >= table.needed and not any(row)
+            gone += [row] if row and is_frame else []
             continue
         if table and blank and not is_numbers(row, named=not is_numbers(table.first)):
             table.notes.append(f"parts: what stands from line {line} on is left out")
@@ -378,7 +382,9 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
                 if len(head) > _MAX_HEAD:
                     return
                 continue
-        cells = _spread(row, table.points) if table.points else row
+        for nobody in gone:
+            table.take(path, line, nobody)
+        gone, cells = [], _spread(row, table.points) if table.points else row
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:

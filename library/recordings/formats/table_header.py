@@ -287,7 +287,8 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     named = max(
         names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
     )
-    is_over = all(len({named[column] for column in ours[n : n + 3]}) == 1 for n in range(0, len(ours), 3))
+    threes = (ours[n : n + 3] for n in range(len(ours)) if [axes[column] for column in ours[n : n + 3]] == [*"xyz"])
+    is_over = all(len({named[column] for column in three}) == 1 for three in threes)
     if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):
         # Each column has a whole name.
         return names[-1]

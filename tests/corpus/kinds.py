@@ -479,6 +479,8 @@ def _tables() -> dict[str, Kind]:
         "milliseconds behind a colon": (table(times=[f"10:00:00:{1000 * time:03.0f}" for time in TIMES]), {"near": 3e-3}),
         "axes behind names without a mark": (table(names=SIDES_LAST, head="{}{}".format), {"names": SIDES_LAST}),
         "px in front": (table(head="p{1}_{0}".format), {}),
+        "x of a joint": (table(head="{1} of {0}".format), {}),
+        "X-coordinate of a joint": (table(head=lambda name, axis: f"{axis.upper()}-coordinate of {name}"), {}),
         "joint X name": (table(head=lambda name, axis: f"joint_{axis.upper()}_{name}"), {}),
         "coordinates by number alone": (table(names=("pose", "hand"), positions=BODY[:, :2], head="{}_{}".format).replace("_x", "_0").replace("_y", "_1").replace("_z", "_2").replace("\n", ",pose_3,pose_4,pose_5,hand_3,hand_4,hand_5\n", 1).replace("\n", ",1,2,3,1,2,3\n").replace("hand_5,1,2,3,1,2,3", "hand_5"), {"reads": False, "tells": "positions"}),
         "bars between a person and a joint": (_people("{}|{}", ("ann", "bob")), {"people": ("ann", "bob")}),

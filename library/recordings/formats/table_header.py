@@ -24,12 +24,13 @@ _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
     re.compile(rf"(?P<joint>.+[a-z]|.*(?:[0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
-        r"(?i)(?:pos|position|[tp])?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
+        r"(?i)(?:pos|position|[tp])?[\W_]*(?P<axis>[wxyz])[\W_]*"
+        r"(?:(?:coord(?:inate)?[\W_]+)?of[\W_]+)?(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
         r"(?:[\W_]*[(\[](?P<unit>[µa-zA-Z]{1,11})[)\]])?[\W_]*"
     ),
     re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>\d+)[\W_]*"),
     re.compile(r"(?P<joint>.*(?:\d|[^\W_]{2}))(?P<axis>[xyz])"),
-    re.compile(r"(?P<axis>[xyz])(?P<joint>[a-z]\w*)"),
+    re.compile(r"(?P<axis>[xyz])(?P<joint>[^\W\d_]\w*)"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")

@@ -657,7 +657,6 @@ def _trcs() -> dict[str, Kind]:
         "blank lines, comments": ("\n# made by a tool\n" + trc().replace("\n", "\n\n"), {}),
         "names two tabs apart, times of five digits": (re.sub(r"0\.\d{6,}", lambda time: f"{float(time[0]):.5g}", trc().replace("\t\t\t", "\t\t").replace("Time\t", "Times\t\t").replace("\n\t\tX1", "\n\t\t\tX1")), {}),
         "names that end in axes": (trc().replace("LeftLeg", "LeftX"), {"lacking": ("LeftLeg",)}),
-        "markers whose names are short words": (trc().replace("LeftLeg", "L.Acc").replace("RightLeg", "RFOR"), {"names": [name.replace("LeftLeg", "L.Acc").replace("RightLeg", "RFOR") for name in NAMES]}),
         "angles among the markers": (trc().replace("RightFoot", "LKneeAngles"), {"lacking": ("RightFoot",), "tells": "no positions: LKneeAngles"}),
         "axes led by blanks, numbers padded": (trc().replace("\t\tX1", "          X1").replace("60.00\t60.00\t48", "   60.0\t   60.0\t     48"), {}),
         "blanks behind a subject's colon": (trc().replace(heads, "\t\t\t".join(f"Ann: {name}" for name in NAMES)), {}),

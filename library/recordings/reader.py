@@ -17,7 +17,7 @@ from kinespace.library.recordings.formats import acclaim, bvh, joint_table, utki
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.joint_choice import restricted
 from kinespace.library.recordings.formats.labels import Segment, cut, labels_beside, read_labels
-from kinespace.library.recordings.formats.markers import c3d, trc
+from kinespace.library.recordings.formats.markers import c3d
 from kinespace.library.recordings.formats.measures import WORDS, metres_of
 
 _AMC = ".amc"
@@ -28,7 +28,7 @@ _TABLES = (*joint_table.TEXTS, ".npz")
 #: Films: `tools` finds bodies in them, so that its reader is handed in as well.
 FILMS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 #: Readers of the files that hold their own skeleton, by ending.
-_READERS: dict[str, Callable[..., list[Clip]]] = {".bvh": bvh.read_clips, _C3D: c3d.read_clips, ".trc": trc.read_clips}
+_READERS: dict[str, Callable[..., list[Clip]]] = {".bvh": bvh.read_clips, _C3D: c3d.read_clips}
 #: The endings of all files that can be read.
 ENDINGS = (_AMC, *_READERS, RAW, *_TABLES)
 _NAMED = f"{', '.join(ENDINGS[: -len(_TABLES)])}, a table in {', '.join(joint_table.TEXTS)} or .npz"

@@ -23,15 +23,13 @@ _LOOK_EVERY = 0.005
 #: A channel's type where the stream says it (MoBI's `PositionX`), and types that are no position.
 _POSITION = re.compile(r"position[ _]?[xyz]", re.IGNORECASE)
 _OTHER = re.compile(r"orientation|quality", re.IGNORECASE)
-#: An axis that follows a label without a mark between: `headx`.
-_CLOSE = re.compile(r"(?<=[^\W_])(?=[xyz]\Z)")
 
 
 def _column(label: str, kind: str) -> str:
     """Name a channel as a table names its columns; empty for one that is no position."""
     if _OTHER.search(kind):
         return ""
-    return f"{label} {kind[-1]}" if _POSITION.fullmatch(kind) else _CLOSE.sub("_", label)
+    return f"{label} {kind[-1]}" if _POSITION.fullmatch(kind) else label
 
 
 class Layout(NamedTuple):

@@ -92,7 +92,7 @@ def _statements(path: Path) -> Iterator[Line]:
     for number, text in enumerate(lines_of(path, errors="replace"), start=1):
         several = "{" in text or "}" in text or text.lstrip().startswith(("HIERARCHY", "OFFSET", "CHANNELS"))
         for piece in _CUT.split(text) if several else (text,):
-            if piece and (words := piece.split()) and not words[0].startswith(("#", "//")):
+            if piece and (words := piece.split()) and not words[0].startswith(("#", "//", ";")):
                 yield Line(path, number, words)
 
 
@@ -267,12 +267,12 @@ def _rates_in(said: str) -> tuple[re.Match[str] | None, ...]:
 
 
 def _frame_rate(period: str) -> float:
-    """Frames per second: the usual rate, or the whole number, from which the period was rounded (0.0083333 is 120)."""
+    """Frames per second: the usual rate, or the whole number, from which the period was rounded or cut."""
     seconds = float(period)
     rate = 1.0 / seconds
     decimals = len(period.lower().partition("e")[0].partition(".")[2])
     usual, whole = float(USUAL[np.abs(1 / USUAL - seconds).argmin()]), float(round(rate))
-    near = (each for each in (usual, whole) if each and abs(1 / each - seconds) <= 0.5001 * 10.0**-decimals)
+    near = (each for each in (usual, whole) if each and abs(1 / each - seconds) <= 10.0**-decimals)
     return rate if "e" in period.lower() or math.isclose(rate, whole) else next(near, rate)
 
 
@@ -316,16 +316,12 @@ def _displaced(motion: BvhMotion) -> tuple[list[bool], list[str]]:
 def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> list[int]:
     """Give for each joint the first joint that it always coincides with, or itself when there is none."""
     largest = max(max(map(abs, joint.offset)) for joint in joints) or 1.0
-    firsts: list[int] = []
+    firsts, sisters = list[int](), dict[tuple[int, object], int]()
     for index, joint in enumerate(joints):
-        first = index
-        if joint.parent >= 0 and not displaced[index]:
-            if max(map(abs, joint.offset)) < _NO_OFFSET * largest:
-                first = firsts[joint.parent]
-            else:
-                sisters = (each for each in range(index) if joints[each].parent == joint.parent and not displaced[each])
-                first = next((each for each in sisters if joints[each].offset == joint.offset), index)
-        firsts.append(first)
+        if joint.parent >= 0 and not displaced[index] and max(map(abs, joint.offset)) < _NO_OFFSET * largest:
+            firsts.append(firsts[joint.parent])
+        else:
+            firsts.append(sisters.setdefault((joint.parent, index if displaced[index] else joint.offset), index))
     return firsts
 
 
@@ -333,24 +329,16 @@ def _kept(
     joints: Sequence[BvhJoint], displaced: Sequence[bool], wanted: Sequence[str]
 ) -> tuple[list[int], tuple[int, ...]]:
     """Choose the joints of the clip: their indices in the file, and their parents among the chosen joints."""
-    firsts = _representatives(joints, displaced)
-    names = [joint.name for joint in joints]
-    kept, taken = list[int](), set[int]()
+    firsts, names, kept = _representatives(joints, displaced), [joint.name for joint in joints], dict[str, int]()
     for index in chosen(names, wanted) if wanted else range(len(names)):
-        if firsts[index] not in taken:
-            kept.append(index)
-        elif names[index] in wanted:
+        if kept.setdefault(str(firsts[index]), index) != index and names[index] in wanted:
             raise ValueError(f"{names[index]!r} always coincides with another chosen joint")
-        taken.add(firsts[index])
-    places = {firsts[index]: place for place, index in enumerate(kept)}
-    parents = []
-    for place, index in enumerate(kept):
-        above = joints[firsts[index]].parent
-        while above >= 0 and firsts[above] not in places:
-            above = joints[firsts[above]].parent
-        # Where the joint above two chosen joints is not chosen, the first chosen joint takes its place.
-        parents.append(places[firsts[above]] if above >= 0 else (-1 if place == 0 else 0))
-    return kept, tuple(parents)
+    whole = Skeleton(
+        tuple(map(str, range(len(joints)))), tuple(firsts[each.parent] if each.parent >= 0 else -1 for each in joints)
+    )
+    # Where the joint above two chosen joints is not chosen, the first chosen joint takes its place.
+    parents = (each if each >= 0 or not place else 0 for place, each in enumerate(whole.linked([*kept]).parents))
+    return [*kept.values()], tuple(parents)
 
 
 def _performers(motion: BvhMotion) -> Iterator[BvhMotion]:

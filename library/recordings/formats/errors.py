@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import NoReturn
 
 #: How programs write that there is no number.
-_NOTHING = re.compile(r"\W*|-?nan.*|-?1\.#\w+|n/?a|#[\w/]+[!?]?|null|none|undefined|missing|lost|false", re.IGNORECASE)
+_NOTHING = re.compile(
+    r"\W*|-?nan.*|-?1\.#\w+|n/?a|#[\w/]+[!?]?|null|none|undefined|missing|lost|occluded|not \w+|false", re.IGNORECASE
+)
 
 
 #: A number in which a spreadsheet of a country with decimal commas has taken the point for one of thousands.

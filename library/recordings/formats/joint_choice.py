@@ -12,18 +12,28 @@ from kinespace.library.naming import Naming
 
 #: Joints of a recording, at most: two fingered bodies have some 150.
 MAX_JOINTS = 1000
-#: Words for a position behind a joint's name.
+#: Words for a position behind a joint's name: behind a mark, or with a capital.
 _PLACE = re.compile(
-    r"(?<=[^\W_])([\W_]+(?i:posi?|positions?|translations?|translate|coord(inate)?s?|loc(ation)?|axis|3d|world|global)|(?<=[a-z0-9])(Pos|Position|Translate))\Z"
+    r"(?<=[^\W_])([\W_]+|(?<=[a-z0-9])(?=[A-Z]))"
+    r"(?i:posi?|positions?|translations?|translate|coord(inate)?s?|loc(ation)?|axis|3d|world|global)\Z"
 )
 #: Names that programs give to markers that have none.
 _UNNAMED = re.compile(r"\*.*|(uname|unnamed|unlabell?ed|unidentified)(?![a-z]).*", re.IGNORECASE)
 #: A marker's number in a system's list, before its name: `1 - Head`.
 _NUMBER = re.compile(r"\d+[ _\-.)]+(?=[^\W\d])")
-#: A mark between words.
-_MARK = re.compile(r"[ _\-./]+")
-#: Where a person's number has no mark before it, and where a word and a number have none behind them (`P1Hips`).
-_GLUED, _AHEAD = -2, -3
+#: What stands for a person in a label, and what is left: before the last colon; before so many marks between words;
+#: behind the last mark; the last digit (`Spine12` is the second person's `Spine1`); up to a number (`P1Hips`).
+_MARK, _WORD = r"[ _\-./|]+", r"[^ _\-./|]*"
+_COLON, _LAST, _GLUED, _AHEAD = map(
+    re.compile,
+    (
+        r"(?P<who>.*):(?P<what>[^:]*)",
+        rf"(?P<what>.*?){_MARK}(?P<who>{_WORD})",
+        r"(?P<what>.*)(?P<who>\d)",
+        r"(?P<who>[A-Za-z]+\d+)(?P<what>[A-Z][a-z].*)",
+    ),
+)
+_FIRST = tuple(re.compile(rf"(?P<who>{_WORD}(?:{_MARK}{_WORD}){{{n}}}){_MARK}(?P<what>.*)") for n in range(3))
 #: Characters of a joint's name, at most.
 MAX_NAME = 400
 
@@ -86,18 +96,18 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
     if len({*Counter(labels).values()}) == 1:
         before = defaultdict[str, Iterator[int]](counted)
         labels = [f"{next(before[label])}:{label}".removeprefix("0:") for label in labels]
-    for count in (0, 1, 2, 3, -1, _GLUED, _AHEAD):
+    for way in (_COLON, *_FIRST, _LAST, _GLUED, _AHEAD):
         people = dict[str, dict[int, str]]()
         for place, label in enumerate(labels):
-            person, rest = _cut(label, count) if count else label.rpartition(":")[::2]
+            person, rest = cut.group("who", "what") if (cut := way.fullmatch(label)) else ("", label)
             people.setdefault(person.strip("()[]"), {})[place] = rest
         rests = [{*each.values()} for each in people.values()]
-        twice = not count and sum(map(len, rests)) > len(set().union(*rests))
+        twice = way is _COLON and sum(map(len, rests)) > len(set().union(*rests))
         found = {person: each for person, each in people.items() if len(each) > 1}
         # Of names that stand there again, the first have no number.
-        again = count <= 0 and all(each == rests[0] for each in rests)
-        apart = again or (all(people) and count != _GLUED)
-        named = count and apart and all(Naming().read([*each]).convention for each in rests)
+        again = way not in _FIRST and all(each == rests[0] for each in rests)
+        apart = again or (all(people) and way is not _GLUED)
+        named = way is not _COLON and apart and all(Naming().read([*each]).convention for each in rests)
         if len(people) > 1 and found and (twice or named):
             if {*map(str.lower, found)} == {"head", "tail"}:
                 # Blender's bones begin at their joints.
@@ -109,26 +119,8 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
             if len(found) > 2 and not again:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)
-            return {person or "0": each for person, each in found.items()} if again else found
+            return found
     return {"": dict(enumerate(labels))}
-
-
-def _cut(label: str, count: int) -> tuple[str, str]:
-    """Give the part of a label before so many marks between words, or behind the last one (-1), and the other part.
-
-    `_GLUED`: its last digit (`Spine12` is the second person's `Spine1`). `_AHEAD`: what stands up to a number.
-    """
-    if count == _AHEAD:
-        ahead = re.match(r"[A-Za-z]+\d+(?=[A-Z][a-z])", label)
-        return (ahead[0], label[ahead.end() :]) if ahead else ("", label)
-    if count == _GLUED:
-        return (label[-1], label[:-1]) if label[-1:].isdecimal() else ("", label)
-    marks = [*_MARK.finditer(label)]
-    if len(marks) < abs(count):
-        return "", label
-    if count < 0:
-        return label[marks[-1].end() :], label[: marks[-1].start()]
-    return label[: marks[count - 1].start()], label[marks[count - 1].end() :]
 
 
 def short_names(labels: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
@@ -156,4 +148,4 @@ def plain(label: str) -> str:
 
 
 def _after_colon(label: str) -> str:
-    return label.rpartition(":")[2] or label
+    return label.rpartition(":")[2].strip() or label

@@ -1,10 +1,11 @@
 """Tables of joint positions: CSV with three columns for each joint, and the `.npz` that `kinespace convert` writes.
 
 A text has commas, semicolons, tabs, bars or blanks between, in UTF-8 or UTF-16; `table_header` finds its columns, also
-in tables of Motive, Vicon, Qualisys and OpenSim. A table whose rows are joints is turned into one of frames.
-Times count in any unit (`measures.timing`); without them frames follow each other evenly, 30 in a second unless
+in tables of Motive, Vicon, Qualisys and OpenSim, and in TRC. A table whose rows are joints is turned into one of
+frames. Times count in any unit (`measures.timing`); without them frames follow each other evenly, 30 in a second unless
 another rate is given. A column that numbers or names persons makes a clip for each. Other columns (visibilities,
-rotations) are ignored. An empty field is a joint that was not seen.
+rotations) are ignored. An empty field is a joint that was not seen. Where the header and the frames differ the frames
+count: their number, their times.
 
 The `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
 they are not known; and `performer`.
@@ -33,7 +34,16 @@ from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.errors import RecordingError, number_of, refuse, spoilt
 from kinespace.library.recordings.formats.joint_choice import few, restricted
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers, is_seen
-from kinespace.library.recordings.formats.measures import SECONDS, are_shuffled, clock_of, laid, timing, words_of
+from kinespace.library.recordings.formats.measures import (
+    SECONDS,
+    WORDS,
+    are_shuffled,
+    clock_of,
+    laid,
+    metres_of,
+    timing,
+    words_of,
+)
 from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
 from kinespace.library.skeleton import Skeleton
@@ -71,7 +81,7 @@ _BRACKETS = re.compile(r"[(\[{](?:[-+\d.,;:='\"\sxyzeEnaNA]{1,120}|\w+(?:[,;] ?\
 _PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
-TEXTS = (".csv", ".tsv", ".txt", ".sto", ".mot", ".emt")
+TEXTS = (".csv", ".tsv", ".txt", ".trc", ".sto", ".mot", ".emt")
 _ARRAYS = ("time", "positions", "joints", "parents", "performer")
 #: The errors for a file of another kind, or one cut short.
 _DAMAGE = (*memory.DAMAGE, OSError, ValueError)
@@ -95,8 +105,8 @@ def why_no_table(path: Path) -> str:
         front = [*islice(lines_of(path, MAX_LINE, errors="replace"), _FRONT)]
     except csv.Error as error:
         return f"a table with {error}"
-    except _DAMAGE:
-        return ""
+    except _DAMAGE as error:
+        return str(error)
     cells = ([cell.strip() for cell in re.split('[,;|\t"]', line)] for line in front)
     axes = ({(coordinate_of(cell) or ("", cell.lower()))[1] for cell in each} & {*"xyz"} for each in cells)
     if is_numbers(re.split(r"[,;|\s]+", "".join(front[:1]).strip())):
@@ -137,6 +147,12 @@ def read_clips(
     head, places, (name, moments) = table.header, table.places(), table.clock()
     clips, people = list[Clip](), table.people(path, moments)
     several = people.items() if len(people) > 1 else ()
+    if head.frames and head.frames != len(places):
+        table.notes.append(f"frames: the header says {head.frames:g}, there are {len(places)}: these are taken")
+    if head.unit and not metres_of(head.unit) and not metres_per_unit:
+        if head.unit.lower() in WORDS["columns"]["no_lengths"]:
+            raise RecordingError(f"{path}: expected positions, got numbers in {head.unit}")
+        table.notes.append(f"units: {head.unit!r} is no unit: the body's size tells it; --unit names it")
     brief = [person for person, rows in several if len(rows) < 2 < len(places) or not is_seen(places[rows])]
     if 0 < len(brief) < len(people):
         # A tracker's slip is no reason to refuse the others.
@@ -152,7 +168,7 @@ def read_clips(
         if len(timed) < 2:
             raise RecordingError(f"{path}: expected at least 2 frames, got {len(timed)}")
         times, rate = timing(None if moments is None else moments[timed], name, head.rate, frame_rate, notes)
-        own, metres = places[timed], metres_per_unit or head.metres
+        own, metres = places[timed], metres_per_unit or metres_of(head.unit)
         found = clips_of_markers(path, [*head.joints], own, rate, joints, times=times, metres=metres, notes=notes)
         clips += [replace(clip, actor=person or clip.actor) for clip in found]
     return clips
@@ -208,9 +224,11 @@ class _Table:
 
     def __post_init__(self) -> None:
         head = self.header
+        # Where nobody is seen a row may be shorter than its header.
+        self.first = [*self.first, *[""] * (len(head.names) - len(self.first))] if self.first else self.first
         self.columns = [column for axes in head.joints.values() for column in axes]
         self.clocks = {column: array("d") for column in head.clocks}
-        free = [each for each in head.free if each < len(self.first) and "." not in self.first[each]]
+        free = [each for each in head.free if self.first and "." not in self.first[each]]
         self.cells = {column: ({}, array("q")) for column in (*head.people, *free)}
         self.needed = max([*self.columns, *head.clocks, *head.people]) + 1 if self.is_wide else len(self.first)
 
@@ -219,11 +237,12 @@ class _Table:
         missing, width = self.needed - len(row), len(self.header.names)
         beyond = sum(map(bool, row[width:])) if len(row) > width else 0
         # Where nobody was seen a row may end behind its time.
-        if missing > len(row) > min(self.columns, default=0) or 5 * beyond > self.needed + 5:
-            want, why = (width, ": commas in numbers, too?") if beyond else (self.needed, "")
+        # A number more than the first frame has moves all behind it; a remark may stand there.
+        more = any(map(_is_finite, row[max(width, len(self.first)) :]))
+        if missing > len(row) > min(self.columns, default=0) or more or 5 * beyond > self.needed + 5:
+            want, why = (width, ": commas in numbers, too?" * (not more)) if beyond else (self.needed, "")
             refuse(path, line, f"expected {want} fields, got {len(row)}{why}")
-        if missing > 0:
-            self.short, row = self.short + 1, row + [""] * missing
+        self.short, row = self.short + (missing > 0), row + [""] * missing
         if not self.is_wide:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
@@ -303,9 +322,9 @@ class _Table:
         bodies = round(len(same) / max(1, (~same).sum()))
         if not 1 < bodies < min(_MOST_AT_ONCE, len(same) / 4):
             return False
-        apart = np.linalg.norm(np.diff(places, axis=0), axis=2)[same]
-        moved = np.linalg.norm(places[bodies:] - places[:-bodies], axis=2)
-        return bool(np.nanmedian(apart) > _OTHER * np.nanmedian(moved))
+        pairs = np.diff(places, axis=0)[same], places[bodies:] - places[:-bodies]
+        apart, moved = (np.linalg.norm(each[np.isfinite(each).all(axis=2)], axis=1) for each in pairs)
+        return bool(len(apart) and len(moved) and np.median(apart) > _OTHER * np.median(moved))
 
 
 def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
@@ -339,10 +358,14 @@ def _begun(path: Path, most: int | None = None) -> str | None:
 
 def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
     """Give each part of a text that is a table of joints when its first frame comes; it gets its rows later."""
-    head, named, table, blank, line = list[list[str]](), list[str](), None, False, 0
+    head, named, table, blank, goes, line = list[list[str]](), list[str](), None, False, False, 0
+    gone = list[list[str]]()
     for line, (row, after) in enumerate(pairwise(chain(_rows(path, mark, most), [None])), start=1):
         if not row or not any(row) or (table and (row[0].startswith("#") or row == named)):
             blank |= not row or not any(row)
+            # Where no time is said a row of nothing is a frame in which nobody is seen, unless it is among the last.
+            is_frame = row and table and not table.clocks and len(row) >= table.needed and not any(row)
+            gone += [row] if row and is_frame else []
             continue
         if table and blank and not is_numbers(row, named=not is_numbers(table.first)):
             table.notes.append(f"parts: what stands from line {line} on is left out")
@@ -353,15 +376,20 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
                 yield table
                 head, named, blank = [], head[-1], False
             else:
-                head = [] if is_numbers(row) else [*head, row]
+                # Numbers may stand below their names, as in TRC; where they go on, they are another part's.
+                before, goes = goes, is_numbers(row)
+                head = [] if before and goes else [*head, row]
                 if len(head) > _MAX_HEAD:
                     return
                 continue
-        cells = _spread(row, table.points) if table.points else row
+        for nobody in gone:
+            table.take(path, line, nobody)
+        gone, cells = [], _spread(row, table.points) if table.points else row
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
-            table.take(path, line, cells)
+            # Tabs at a line's end are often cut off.
+            table.take(path, line, [*cells, *[""] * (table.needed - len(cells))] if mark == "\t" else cells)
     if table is None and (header := header_of(head)) and len(header.joints) > 1:
         yield _Table(header, [], line)
 
@@ -380,7 +408,9 @@ def _part(head: list[list[str]], row: list[str], line: int) -> _Table | None:
 def _with_points(head: list[list[str]], row: list[str], line: int, points: Collection[int]) -> _Table | None:
     """Begin a table whose frames hold three numbers in some fields; None as in `_part`."""
     first = _spread(row, points)
-    if not is_numbers(first, named=True):
+    # Where nobody is seen at first, frames have a time alone.
+    is_time = 0 < sum(map(_is_finite, first)) < 3 and None not in map(number_of, first)
+    if not is_time and not is_numbers(first, named=True):
         return None
     header = header_of([*head[:-1], _spread(head[-1], points, "xyz")], first)
     if header is None or (len(header.joints) < 2 and not _labels_in(header, first)):
@@ -482,7 +512,11 @@ def _read(path: Path) -> _Table:
 def _turned(path: Path, table: _Table) -> _Table:
     """Make a table whose rows are frames of one whose rows are joints or coordinates."""
     head = table.header
-    values = [*head.joints[""]] if head.joints else [each for each in head.free if is_value(head.names[each])]
+    values = (
+        [*head.joints[""]]
+        if head.joints
+        else [each for each in head.free if is_value(head.names[each]) and number_of(table.first[each]) is not None]
+    )
     clocks, people, labels = _labelled(head, table.first, [row for _, row in table.rows])
     frames, seen = dict[tuple[int, str], tuple[int, list[str], dict[str, list[str]]]](), Counter[tuple[str, str]]()
     for (line, row), label in zip(table.rows, labels, strict=True):
@@ -496,7 +530,7 @@ def _turned(path: Path, table: _Table) -> _Table:
     header = header_of([[*lead, *(name + end for name in names for end in ends)]])
     if header is None:
         refuse(path, table.begin, f"expected rows of two joints or more, got {', '.join(names[:3])}")
-    header = replace(header, rate=head.rate, metres=head.metres)
+    header = replace(header, rate=head.rate, unit=head.unit)
     # Rows joint by joint, too: frames go by their time, and times that come again follow each other.
     order = {
         key: [key[0], *(number_of(c) or 0.0 for c in cells[: len(clocks)])] for key, (_, cells, _) in frames.items()
@@ -506,6 +540,11 @@ def _turned(path: Path, table: _Table) -> _Table:
     for line, cells, places in turned:
         found.take(path, line, [*cells, *chain.from_iterable(places.get(name, nothing) for name in names)])
     return found
+
+
+def _is_finite(text: str) -> bool:
+    number = number_of(text)
+    return number is not None and math.isfinite(number)
 
 
 def _number(path: Path, line: int, text: str) -> float:

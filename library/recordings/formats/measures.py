@@ -101,7 +101,7 @@ FRAME_RATE = 30.0
 SECONDS = {word: float(seconds) for seconds, words in WORDS["seconds"].items() for word in words}
 _FRAMES, _TIMES = (frozenset(WORDS["columns"][kind]) for kind in ("frames", "times"))
 #: Frames per second that are likely, and that are possible: times of no named unit have the unit that gives them.
-_RATES = ((14.0, 500.0), (1.0, 1000.0))
+_RATES = ((14.0, 1000.0), (1.0, 1000.0))
 #: Steps of times that are smaller are a moment in no unit.
 _LEAST_STEP = 1e-12
 #: Frames per second, at most, of times in ticks of 100 ns that nothing names: a Kinect's.
@@ -227,7 +227,8 @@ def seconds_of(moments: Times, name: str, rate: float | None = None) -> tuple[Ti
     if step and rate and not named:
         # The unit that gives the rate which is known otherwise.
         units.sort(key=lambda unit: abs(math.log(rate * step * unit)) > _NEARLY)
-    for lowest, highest in _RATES if step else ():
+    # Numbers of frames are no slow seconds.
+    for lowest, highest in (_RATES[:1] if counts else _RATES) if step else ():
         for unit in units:
             # A unit that the file names is believed while it is possible at all.
             least, most = _RATES[-1] if unit == named else (lowest, _MOST_BY_TICKS if unit == 1e-7 else highest)
@@ -250,9 +251,8 @@ def clock_of(columns: Mapping[str, Times]) -> tuple[str, Times | None]:
                 both = (coarse - coarse[0]) * whole + fine * (unit if fine.max() >= 1 else 1.0)
                 others = {each: columns[each] for each in columns if each not in (name, part)}
                 return clock_of({f"s of {name}, {part}": both} | others)
-    goes = {
-        name: abs(float(np.mean(np.sign(np.diff(each))))) if len(each) > 1 else 0.0 for name, each in columns.items()
-    }
+    steps = {name: np.sign(np.diff(each[np.isfinite(each)])) for name, each in columns.items()}
+    goes = {name: abs(float(each.mean())) if len(each) else 0.0 for name, each in steps.items()}
     return next(((name, columns[name]) for name in goes if goes[name] >= _GOES * max(goes.values())), ("", None))
 
 

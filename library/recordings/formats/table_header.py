@@ -1,8 +1,8 @@
 """The header of a table of joints: which columns hold joints' positions, times, and what may tell people apart.
 
 One row names a column for each coordinate (`head_x`, `head.X`, `head:tx`, `Head Position X (mm)`, `x_head`); or one row
-names the joints and a later one their axes, as in the tables of Motive, Vicon and pandas; or each row is a joint, or a
-coordinate, and a column names it. Rows above say how often frames come, and the unit of length.
+names the joints and a later one their axes, as in the tables of Motive, Vicon and pandas, and in TRC; or each row is a
+joint, or a coordinate, and a column names it. Rows above say how often frames come, and the unit of length.
 """
 
 import math
@@ -18,17 +18,19 @@ from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
 from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_of, words_of
 
 #: What stands behind an axis: a word for a place, a unit or another word, or a number without a mark.
-_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,11}))?[\W_]*"
+_BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,30}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
     re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
-    re.compile(rf"(?P<joint>.*(?:[a-z0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
+    re.compile(rf"(?P<joint>.+[a-z]|.*(?:[0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
-        r"(?i)(?:pos|position)?[\W_]*(?P<axis>[wxyz])[\W_]*(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
+        r"(?i)(?:pos|position|[tp])?[\W_]*(?P<axis>[wxyz])[\W_]*"
+        r"(?:(?:coord(?:inate)?[\W_]+)?of[\W_]+)?(?P<joint>((?<=[\W_])|(?-i:(?=[A-Z][a-z]))).*?[^\W_]|\d+)"
         r"(?:[\W_]*[(\[](?P<unit>[µa-zA-Z]{1,11})[)\]])?[\W_]*"
     ),
-    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>[0-4])[\W_]*"),
-    re.compile(r"(?P<joint>.*\d)(?P<axis>[xyz])"),
+    re.compile(r"(?P<joint>.*[^\W_])[\W_]+(?P<axis>\d+)[\W_]*"),
+    re.compile(r"(?P<joint>.*(?:\d|[^\W_]{2}))(?P<axis>[xyz])"),
+    re.compile(r"(?P<axis>[xyz])(?P<joint>[^\W\d_]\w*)"),
 )
 #: The axes of a place; a fourth number is a part of a turn, or a weight.
 _AXES = re.compile("w?xyz|0123?4?|1234?")
@@ -44,6 +46,8 @@ _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LE
     frozenset(WORDS["columns"][kind])
     for kind in ("times", "alone", "parts", "frames", "labels", "values", "fronts", "no_places", "no_lengths")
 )
+#: Shorter ones may be names of markers, which stand over their axes.
+_NO_MARKERS = frozenset(word for word in _NO_PLACES if len(word) > 4)
 _PERSON = re.compile(rf"({'|'.join(WORDS['columns']['people'])})( ?(id|ids|idx|index|nr|no|number|name))?|p?id")
 #: Joints that a row must name without axes, at least one more.
 _FEW = 2
@@ -53,14 +57,20 @@ _DEEP = 12
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
 _ROOT = re.compile(r"(.+):\1")
-_RATE = re.compile(
-    r"((export|camera|capture|recording|video|(stream )?nominal) )?"
-    r"((data|frame)[ _]?rate|frequency|sampl\w+[ _](rate|frequency)|fps|fs|rate)\b.*",
-    re.IGNORECASE,
+#: How the rows above say the rate (a camera's where no other is said), the unit of length, and the number of frames.
+_FREQUENCY = (
+    r"(?:(?:export|recording|video|stream|nominal|acquisition|data|frame|point|marker|sampl\w+)[ _]?){0,3}"
+    r"(?:rate|freq(?:uency)?|fps|fs|hz|frames? per sec\w*)\b.*"
 )
-_ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(hz|fps)?\W*", re.IGNORECASE)
-_LEADING = re.compile(r"\s*(\d+\.?\d*)")
-_UNIT = re.compile(r"(length |pos\w*? ?)?units?\W*", re.IGNORECASE)
+_SAID = {
+    "rate": re.compile(_FREQUENCY, re.IGNORECASE),
+    "capture": re.compile(rf"(?:capture|camera)[ _]?{_FREQUENCY}", re.IGNORECASE),
+    "unit": re.compile(r"(?:length |pos\w*? ?)?units?\W*", re.IGNORECASE),
+    "frames": re.compile(r"(?:num(?:ber)?|no)_?(?:of_)?frames?|nrows", re.IGNORECASE),
+}
+_BETWEEN = re.compile(r"\s*[:=]\s*|\s+(?=[\d.]+\s*(?:hz)?\Z)", re.IGNORECASE)
+_ALONE = re.compile(r"\W*(\d+\.?\d*)\W*(?:hz|fps)?\W*", re.IGNORECASE)
+_LEADING, _WORD = re.compile(r"\s*(\d+\.?\d*)"), re.compile(r"\W*([^\W\d]+|\?)")
 #: The columns of x, y and z, by joint; and the columns of each axis.
 _Columns = Mapping[str, tuple[int, int, int]]
 _Places = dict[str, list[int]]
@@ -82,8 +92,8 @@ class Header:
     people, free, labels
         Columns named like those that tell people apart, all others of no known meaning, and columns named like those of
         joints' names.
-    rate, metres
-        Frames per second and metres of the unit, where the header says them; else 0 and None.
+    rate, unit, frames
+        Frames per second, the unit of length, and the number of frames, where the header says them.
     others
         Names of columns that come by three but hold no positions.
     rank
@@ -97,7 +107,8 @@ class Header:
     free: Sequence[int]
     labels: Sequence[int]
     rate: float
-    metres: float | None
+    unit: str
+    frames: float
     others: Sequence[str]
     rank: tuple[bool, int]
 
@@ -126,23 +137,19 @@ def is_value(name: str) -> bool:
 
 def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
-    for place in range(len(rows) - 1, max(len(rows) - _DEEP, 0) - 1, -1):
-        row = rows[place]
+    names = [row for row in rows if not is_numbers(row)]
+    for place in range(len(names) - 1, max(len(names) - _DEEP, 0) - 1, -1):
+        row, others = names[place], [each for each in rows if each is not names[place]]
         if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
             row = row[1:]
         # R names no column for the numbers of its rows.
         row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
-        if row and row[0].strip() == "MARKER_NAMES":
-            front = len(first) - 3 * (len(names := [*filter(None, row[1:])]))
-            # A tab may stand at a line's end, too.
-            front -= front % 2 and not first[-1]
-            row = [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
-        if several := _of_several(rows, place):
-            return several
-        one = _of_one(row, first)
-        if found := one if len(one[0]) > 1 else _of_long(row, first):
-            return _header(rows, row, *found)
-    row = _thrice(rows[-1]) if rows else []
+        for each, no_places in ((_over_axes(names, place, first), _NO_MARKERS), (row, _NO_PLACES)):
+            if len((one := _of_one(each, first, no_places))[0]) > 1:
+                return _header(others, each, *one)
+        if found := _of_long(row, first):
+            return _header(others, row, *found)
+    row = _thrice(names[-1], len(first)) if names else []
     one = _of_one(row, first)
     return _header(rows, row, *one) if len(one[0]) > _FEW else None
 
@@ -157,10 +164,10 @@ def _continued(row: Sequence[str]) -> list[str]:
     return names
 
 
-def _thrice(row: Sequence[str]) -> list[str]:
+def _thrice(row: Sequence[str], size: int) -> list[str]:
     """Give numbers to the three columns of a name that stands there thrice, once, or as pandas has it (`head.1`)."""
-    bare = [_AGAIN.sub("", name.strip()) for name in row]
-    names = _filled(bare, len(bare))
+    row = [*row, *[""] * (size - len(row))]
+    names = _filled([_AGAIN.sub("", name.strip()) for name in row], size or len(row))
     counts, begin = Counter(names), {name: place for place, name in reversed([*enumerate(names)])}
     return [
         f"{name}_{place - begin[name] + 1}"
@@ -171,27 +178,29 @@ def _thrice(row: Sequence[str]) -> list[str]:
     ]
 
 
-def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]]:
+def _of_one(
+    row: Sequence[str], first: Sequence[str], no_places: frozenset[str] = _NO_PLACES
+) -> tuple[_Columns, list[str], set[str]]:
     """Find the joints that one row names with their axes, other things of three columns, and the units behind them."""
     best: tuple[_Columns, list[str], set[str]] = ({}, [], set())
     for way in _WAYS:
         found, units, measures = dict[str, _Places](), set[str](), set[str]()
         for place, name in enumerate(row):
             if len(name) <= MAX_NAME and (named := way.fullmatch(name.strip().lstrip("#%(' =\"").replace("°", "deg"))):
-                unit = (named.groupdict().get("unit") or "").lower()
+                unit = named.groupdict().get("unit") or ""
                 # Another word behind the axis belongs to the name: `head_x_world`.
                 is_name = unit.isdigit() or metres_of(unit or "m") is None
                 joint = f"{named['joint']}_{unit}" if is_name else named["joint"]
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), []).append(place)
                 units.add("" if is_name else unit)
-                measures |= {joint} if unit in _NO_LENGTHS else set()
+                measures |= {joint} if unit.lower() in _NO_LENGTHS else set()
         whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
         turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
         ahead = {(*words[:-1],) for joint in whole if (words := words_of(joint))[-1:] == ["forward"]}
         others = [
             joint
             for joint, axes in whole.items()
-            if joint in measures or _is_no_place(joint, ahead) or (turns and len(axes) == 4)
+            if joint in measures or _is_no_place(joint, ahead, no_places) or (turns and len(axes) == 4)
         ]
         places = [joint for joint in whole if joint not in others]
         # Of places in the world and in a picture those in the world count.
@@ -202,7 +211,7 @@ def _of_one(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[st
     return best
 
 
-def _is_no_place(name: str, ahead: Collection[tuple[str, ...]]) -> bool:
+def _is_no_place(name: str, ahead: Collection[tuple[str, ...]], no_places: frozenset[str]) -> bool:
     """Say whether a name's words, or the end of one in capitals (`LKNEEANGLES`), are of something else than a place.
 
     What has a vector `ahead` (Unity's `head_forward`) may have others up and to the right; `hand_right` is a joint.
@@ -210,10 +219,10 @@ def _is_no_place(name: str, ahead: Collection[tuple[str, ...]]) -> bool:
     *front, last = words_of(name) or [""]
     if last in ("forward", "up", "right") and (*front,) in ahead:
         return True
-    ends = tuple(word for word in _NO_PLACES if len(word) > 2) if name.isupper() else ()
+    ends = tuple(word for word in no_places if len(word) > 2) if name.isupper() else ()
     # ROS puts `field.` in front of all its names.
     is_field = name.lower() == "field"
-    return is_field or bool(_NO_PLACES & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
+    return is_field or bool(no_places & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
 
 
 def _apart(found: Mapping[str, _Places]) -> _Columns:
@@ -233,16 +242,21 @@ def _turns(fours: Sequence[Sequence[int]], first: Sequence[str]) -> bool:
 
 def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[str], set[str]] | None:
     """Find the axes, or the values, in the header of a table whose cells name joints, or coordinates."""
-    axes = [
-        (axis[1].lower(), axis[2], place) for place, name in enumerate(row) if (axis := _AXIS.fullmatch(name.strip()))
-    ]
-    axes = [each for each in axes if _WORLD & {*words_of(row[each[2]])}] or axes
-    units = {unit.lower() for _, unit, _ in axes if unit}
-    threes = [*zip(*([place for axis, _, place in axes if axis == each] for each in "xyz"), strict=False)]
+    found = dict[str, tuple[_Places, set[str]]]()
+    for place, name in enumerate(row):
+        if (axis := _AXIS.fullmatch(name.strip())) and (axis[2] or "").lower() not in _NO_LENGTHS:
+            # Axes that belong together differ in their letter alone.
+            front, end = axis.span(1)
+            places, units = found.setdefault(f"{axis.string[:front]}*{axis.string[end:]}".lower(), ({}, set()))
+            places.setdefault(axis[1].lower(), []).append(place)
+            units |= {axis[2].lower()} if axis[2] else set()
+    whole = {name: each for name, each in found.items() if len(each[0]) == 3}
+    name = next((each for each in whole if _WORLD & {*words_of(each)}), next(iter(whole), ""))
+    places, units = whole.get(name, ({}, set()))
+    axes = {place for each in places.values() for place in each}
+    threes = [*zip(*(places.get(axis, []) for axis in "xyz"), strict=False)]
     # Where joints stand beside each other a cell in front of each names it, in this row or in the next.
-    named = {
-        row[three[0] - 1].strip(): three for three in threes if three[0] and not _AXIS.fullmatch(row[three[0] - 1])
-    }
+    named = {row[three[0] - 1].strip(): three for three in threes if three[0] and three[0] - 1 not in axes}
     if len(named) == len(threes) > 1 and all(named) and len(first) >= len(row) - 1:
         return named, [], units
     labels = [place for place, name in enumerate(row[: len(first)]) if _LABELS & {*words_of(name)}]
@@ -254,62 +268,84 @@ def _of_long(row: Sequence[str], first: Sequence[str]) -> tuple[_Columns, list[s
     return ({}, [], set()) if len(row) > 2 and any(map(is_value, row)) else None
 
 
-def _of_several(rows: Sequence[Sequence[str]], place: int) -> Header | None:
-    """Read a header whose row of axes is below a row of names."""
-    size, numbered = len(rows[place]), sum(bool(_NUMBERED.search(name.strip())) for name in rows[place])
+def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) -> list[str]:
+    """Name the columns of a row of axes by the rows around it, other columns by their own cells or the ones above.
+
+    Empty where the row holds no axes, or no other row names them.
+    """
+    row, above = [name.strip() for name in rows[place]], rows[:place]
+    if above and row[0] == "MARKER_NAMES":
+        return _in_order(row, first)
     # Markers may be counted behind their axes, where names stand above: `X1`.
-    again = _NUMBERED if place and 3 < numbered <= 3 * sum(map(bool, rows[place - 1])) else _AGAIN
-    found = [_AXIS.fullmatch(again.sub("", name.strip())) for name in rows[place]]
-    found = [axis if axis and (axis[2] or "").lower() not in _NO_LENGTHS else None for axis in found]
-    axes = [axis[1].lower() if axis else name.strip().lower() for axis, name in zip(found, rows[place], strict=True)]
-    if min(map(axes.count, "xyz")) < 2:
-        return None
-    below = [[cell.strip().lower() for cell in (*row, *[""] * size)][:size] for row in rows[place + 1 :]]
-    above = [_filled(row, size, axes) for row in rows[:place] or rows[place + 1 :] if sum(map(bool, row)) > 1]
-    below = below if rows[:place] else []
-    kinds = [row for row in above if {"position", "rotation", "joint angle"} & {name.lower() for name in row}]
-    said = {cell.lower() for row in above for cell in row}
-    bones = "bone" in said
-    # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
-    spare = {"marker", "bone marker", "rigid body"} if bones else {"rigid body marker"} if "marker" in said else {}
-    ours = [
-        column
-        for column, axis in enumerate(axes)
-        if axis in ("x", "y", "z")
-        and not any(_NO_PLACES & {*words_of(row[column])} for row in kinds)
-        # Degrees and newtons are no positions.
-        and not any(row[column] and metres_of(row[column]) is None for row in below)
-        and not any(row[column].lower() in spare for row in above)
-    ]
-    if not ours or not above:
-        return None
+    again = _NUMBERED if above and sum(bool(_NUMBERED.search(name)) for name in row) > _FEW else _AGAIN
+    found = [_AXIS.fullmatch(again.sub("", name)) for name in row]
+    axes = [each[1].lower() if each and (each[2] or "").lower() not in _NO_LENGTHS else "" for each in found]
+    names = [_filled(each, len(row), axes) for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1]
+    ours = _places_among(axes, names, rows[place + 1 :] if above else [])
+    if min(map(axes.count, "xyz")) < _FEW or not ours or not names:
+        return []
     # The joints' row, not one that says rates and units.
     named = max(
-        above, key=lambda row: len(set.intersection(*({row[c] for c in ours if axes[c] == axis} for axis in "xyz")))
+        names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
     )
+    threes = (ours[n : n + 3] for n in range(len(ours)) if [axes[column] for column in ours[n : n + 3]] == [*"xyz"])
+    is_over = all(len({named[column] for column in three}) == 1 for three in threes)
+    if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):
+        # Each column has a whole name.
+        return names[-1]
+    if above and not (is_over and named == names[-1]) and (in_order := _in_order(above[-1], first)):
+        return in_order
+    if not is_over:
+        return []
     if len({(named[column], axes[column]) for column in ours}) < len(ours):
         # Another row tells the joints of several bodies apart.
-        apart = (row for row in above if len({(row[c], named[c], axes[c]) for c in ours}) == len(ours))
+        apart = (each for each in names if len({(each[c], named[c], axes[c]) for c in ours}) == len(ours))
         front = next(apart, None)
         named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
-    # Motive calls a skeleton's first bone like the skeleton.
-    named = [_ROOT.sub(r"\1:Hip", name) for name in named] if bones else named
-    joints = dict[str, _Places]()
+    near = [*(above[-1] if above else ()), *[""] * len(row)]
+    heads = ["" if axis else cell or up.strip() for axis, cell, up in zip(axes, row, near, strict=False)]
     for column in ours:
-        joints.setdefault(named[column], {}).setdefault(axes[column], []).append(column)
-    joints = {joint: each for joint, each in joints.items() if joint and len(each) == 3}
-    others = [joint for joint in joints if _NO_PLACES & {*words_of(joint)[-1:]}]
-    whole = _apart({joint: each for joint, each in joints.items() if joint not in others})
-    units = {row[column] for row in below for column in ours} | {axis[2] or "" for axis in found if axis}
-    # What stands below an axis is no clock: Vicon's speeds count in `mm/s`.
-    names = [next(filter(None, (row[column] for row in below[::-1])), name) for column, name in enumerate(rows[place])]
-    names = ["" if axis in {*"xyz"} else name for axis, name in zip(axes, names, strict=True)]
-    return _header(rows[:place], names, whole, others, units - {""}) if len(whole) > 1 else None
+        # Motive calls a skeleton's first bone like the skeleton.
+        name, axis = _ROOT.sub(r"\1:Hip", named[column]), found[column]
+        heads[column] = f"{name}_{axis[1]} {axis[2] or ''}" if axis and name else ""
+    return heads
+
+
+def _places_among(axes: Sequence[str], names: Sequence[Sequence[str]], below: Sequence[Sequence[str]]) -> list[int]:
+    """Choose of the columns of axes the ones of positions, by the rows of names and the rows below."""
+    kinds = [each for each in names if {"position", "rotation", "joint angle"} & {name.lower() for name in each}]
+    said = {cell.lower() for each in names for cell in each}
+    # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
+    spare = {"rigid body marker"} if "marker" in said else set[str]()
+    spare = {"marker", "bone marker", "rigid body"} if "bone" in said else spare
+    return [
+        column
+        for column, axis in enumerate(axes)
+        if axis
+        and not any(_NO_PLACES & {*words_of(each[column])} for each in kinds)
+        # Degrees and newtons are no positions.
+        and not any(cell.strip() and metres_of(cell) is None for each in below for cell in each[column : column + 1])
+        and not any(each[column].lower() in spare for each in names)
+    ]
+
+
+def _in_order(row: Sequence[str], first: Sequence[str]) -> list[str]:
+    """Name three columns after each name of a row whose names do not stand over them; empty where they do not fit."""
+    cells = [*filter(None, map(str.strip, row))]
+    for each in (cells, " ".join(cells).split()):
+        heads = [name for name in each[:2] if name == "MARKER_NAMES" or (_FRAMES | _TIMES) & {*words_of(name)}]
+        names = each[len(heads) :]
+        front = len(first) - 3 * len(names)
+        # A tab may stand at a line's end, too.
+        front -= front % 2 and not first[-1]
+        if len(names) > 1 and 0 <= front < 3:
+            return [*("Frame", "Time")[:front], *(f"{name} {axis}" for name in names for axis in "xyz")]
+    return []
 
 
 def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str]:
     """Give each empty cell the text on its left: a name stands over the first of its columns, or the second, alone."""
-    if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis in {*"xyz"}} == {"y"}:
+    if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis} == {"y"}:
         row = row[1:]
     cells = [*(name.strip() for name in row), *[""] * size][:size]
 
@@ -331,12 +367,18 @@ def _header(
     numbers = [c for c, each in words.items() if len(each) < 4 and _FRAMES & {*each[:1]}]
     frames = sorted({*numbers, *(c for c, each in words.items() if each[-1:] == ["frame"])})
     people = [c for c, each in words.items() if _PERSON.fullmatch(" ".join(each))]
-    said = list(_said(rows))
-    rates = [float(number[1]) for name, value in said if _RATE.fullmatch(name) and (number := _LEADING.match(value))]
+    said = dict[str, list[str]]()
+    for name, value in _said(rows):
+        kind = next((kind for kind, form in _SAID.items() if form.fullmatch(name)), "")
+        if found := (_WORD if kind == "unit" else _LEADING).match(value):
+            said.setdefault(kind, []).append(found[1])
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
-    alone = [float(number[1]) for row in rows if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
-    named = [METRES.get(value.strip().lower()) for name, value in said if _UNIT.fullmatch(name)]
-    named += [metres_of(units.pop())] if len(units) == 1 else []
+    alone = [number[1] for row in reversed(rows) if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
+    rates = map(float, (*said.get("rate", ()), *said.get("capture", ()), *alone))
+    # A row of units may stand over the joints' columns, or below their names.
+    over = [{row[column].strip("()[]. ").lower() for column in taken if column < len(row)} - {""} for row in rows]
+    lengths = {each.lower() for each in units}.union(*(each for each in over if each <= {*METRES})) & {*METRES}
+    of_length = [*said.get("unit", ()), *(lengths if len({*map(METRES.get, lengths)}) == 1 else ())]
     return Header(
         [name.strip().strip("#").strip() for name in names],
         _plain(joints),
@@ -344,22 +386,26 @@ def _header(
         people,
         [column for column in words if column not in {*times, *frames, *people}],
         [column for column, each in words.items() if _LABELS & {*each}],
-        next((rate for rate in (*rates, *reversed(alone)) if rate > 1), 0.0),
-        next((each for each in named if each), None),
+        next((rate for rate in rates if rate > 1), 0.0),
+        next(filter(metres_of, of_length), next(iter(of_length), "")),
+        next(map(float, said.get("frames", ())), 0.0),
         others,
         (any(row and row[0].lower() == "trajectories" for row in rows), len(joints)),
     )
 
 
 def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
-    """Give each cell with the cells behind and below it, and what stands around a colon or an equals sign."""
+    """Give each cell with the cells behind and below it, and what stands around a colon, an equals sign or a blank."""
     for row, below in zip(rows, [*rows[1:], []], strict=False):
-        yield from zip(map(str.strip, row), below, strict=False)
-        yield from ((name.strip(), value) for name, value in pairwise(row))
+        keys, values = ([cell.strip() for cell in each if cell.strip()] for each in (row, below))
+        # Where as many cells are filled, they belong together in their order.
+        if len(keys) != len(values):
+            keys, values = [cell.strip() for cell in row], [*below]
+        yield from zip(keys, values, strict=False)
+        yield from () if is_numbers(below) else pairwise(map(str.strip, row))
         for cell in row:
-            name, mark, value = re.sub("[:=]", ":", cell.strip("#/% "), count=1).partition(":")
-            if mark:
-                yield name.strip(), value
+            name, *value = _BETWEEN.split(cell.strip("#/% "), maxsplit=1)
+            yield name, next(iter(value), "")
 
 
 def _plain(joints: _Columns) -> _Columns:

@@ -1,1 +1,1 @@
-"""Optical markers: readers of C3D and TRC."""
+"""Optical markers: the reader of C3D, and clips of markers."""

@@ -101,7 +101,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         found *= guessed_metres(found, names) if metres is None else metres
         even = Evened(found, frame_rate or 0.0, 0, ()) if times is None else laid(times, found, frame_rate)
         clip = _clip(names, even, (*notes, *aside, *twice))
-        clips.append(hdm05.titled(replace(clip, name=path.stem, actor=person), path))
+        clips.append(hdm05.titled(replace(clip, name=path.stem, actor=person or "0" * (len(people) > 1)), path))
     return clips
 
 
@@ -132,7 +132,7 @@ def _performers(people: dict[str, _Own], positions: Positions, notes: list[str])
         first = next(iter(people.values()))
         lost = [person for person, own in people.items() if not is_one(own, first)]
         if 0 < len(lost) < len(people):
-            notes.append(f"left out: {what}: {', '.join(lost[:5])}")
+            notes.append(f"left out: {what}: {listed([person or '0' for person in lost], 5)}")
             people = {person: own for person, own in people.items() if person not in lost}
     return people
 

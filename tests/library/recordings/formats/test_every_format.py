@@ -15,7 +15,7 @@ from kinespace.library.memory import limited_to
 from kinespace.library.recordings import Reading, RecordingError, RecordingReader
 from kinespace.library.recordings.formats.measures import MAX_GAP
 
-HIERARCHIES, MARKERS, TABLES = ("amc", "bvh"), ("c3d", "trc"), ("csv", "npz")
+HIERARCHIES, MARKERS, TABLES = ("amc", "bvh"), ("c3d",), ("csv", "npz", "trc")
 TEXTS = ("amc", "bvh", "trc", "csv")
 every_format = pytest.mark.parametrize("ending", [*HIERARCHIES, *MARKERS, *TABLES])
 #: A test's folder is the same for all examples, each of which writes over the files of the one before.
@@ -157,7 +157,7 @@ def walk(frames: int = 120) -> np.ndarray:
     return start + np.cumsum(np.random.default_rng(2).normal(1.0, 0.5, (frames, 3, 3)), axis=0)
 
 
-@pytest.mark.parametrize("ending", [*MARKERS, "csv"])
+@pytest.mark.parametrize("ending", [*MARKERS, "csv", "trc"])
 def test_markers_out_of_sight_stand_on_straight_lines(tmp_path: Path, ending: str) -> None:
     """So do markers at exactly 0, 0, 0; one that is missing for longer than the bound is left out."""
     positions = walk()
@@ -186,7 +186,7 @@ def test_markers_out_of_sight_stand_on_straight_lines(tmp_path: Path, ending: st
     assert clip.notes == ("not seen: most markers from 0.30 to 0.90 s; the body rests",)
 
 
-@pytest.mark.parametrize("ending", [*MARKERS, "csv"])
+@pytest.mark.parametrize("ending", [*MARKERS, "csv", "trc"])
 def test_of_two_performers_one_must_be_chosen(tmp_path: Path, ending: str) -> None:
     """`ann:hip` is called `hip`; two performers are two clips, and where one is expected, that is said."""
     both = np.concatenate([walk(), walk() + 500], axis=1)

@@ -344,10 +344,12 @@ class PresetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         own = {spelling(name): target for name, target in self.joint_map.items()}
         found = {name: own[spelling(name)] for name in names if spelling(name) in own}
         others = [name for name in names if name not in found]
-        # Of few joints no convention is found: the first table that knows most of them.
-        tables = map(convention_named, self.tables)
-        table = max(tables, key=lambda each: each.known(each.spelled(others)), default=None)
-        if convention := Naming().read(others).convention or table:
+        convention = Naming().read(others).convention
+        if convention is None:
+            # Of few joints no convention is found: the first table that knows most of them.
+            tables = map(convention_named, self.tables)
+            convention = max(tables, key=lambda each: each.known(each.spelled(others)), default=None)
+        if convention:
             read = zip(others, convention.spelled(others), Naming(convention).read(others).joints, strict=True)
             known = {name: joint for name, spelled, joint in read if spelled in convention.targets}
             found |= {name: joint if joint in _OURS else "" for name, joint in known.items()}

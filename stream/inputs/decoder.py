@@ -95,8 +95,8 @@ class ZmqDecoder(OscDecoder):
             if len(parts) == 1 and parts[0][:1] in _MAPS:
                 return self._counted(decode_packed(parts[0], arrival))
         except (ValueError, RecursionError) as error:
-            kind = "" if parts[0].startswith(b"frame/") else "msgpack: "
-            self._refuse("malformed", f"{kind}{error}", sender, packet)
+            packed = "" if parts[0].startswith(b"frame/") else "msgpack: "
+            self._refuse("malformed", f"{packed}{error}", sender, packet)
         else:
             self._refuse("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
         return ()

@@ -277,11 +277,12 @@ def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
 
 def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
     """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where few joints are known."""
-    if len({*joints}.intersection(hdm05.SKELETON.joints)) < MIN_JOINTS:
+    known = [name for name in hdm05.SKELETON.joints if name in joints]
+    if len(known) < MIN_JOINTS:
         return np.empty(0)
-    parents = np.array(hdm05.SKELETON.linked(joints).parents)
+    there, parents = positions[[joints.index(name) for name in known]], np.array(hdm05.SKELETON.linked(known).parents)
     children = np.flatnonzero(parents >= 0)
-    lengths: NDArray[np.float64] = np.linalg.norm(positions[children] - positions[parents[children]], axis=1)
+    lengths: NDArray[np.float64] = np.linalg.norm(there[children] - there[parents[children]], axis=1)
     return lengths
 
 

@@ -252,7 +252,8 @@ class RawWriter:
             self._file.seek(self._whole)
             self._file.truncate()
             raise
-        self._whole, self.trouble = self._whole + size, ""
+        self._whole += size
+        self.trouble = ""
 
 
 def source_name(place: str, preset: Preset | None) -> str:

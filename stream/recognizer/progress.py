@@ -123,9 +123,10 @@ class ProgressFollower:
 
     def _step_through(self, most: int) -> None:
         """Let the filter go on by the last points, by so many at most."""
+        if self._filter is None:
+            return
         for end in range(max(len(self._points) - most, 0) + 1, len(self._points) + 1):
-            if self._filter:
-                self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
+            self.progress = self._filter.step(self._points[max(0, end - _PAST) : end])
 
 
 class _Filter:

@@ -128,7 +128,7 @@ class Recognizer:
     __reduce__ = refuse_copies
 
     def _begin_with(self, index: WindowIndex) -> None:
-        """Begin what is measured by the library anew: whole motions, and how like its bodies the body is."""
+        """Begin what depends on the library anew: whole motions, how like its bodies the body is, the longest gap."""
         self.fitting, promised = Fitting(index), self.settings.promised
         self._done = DoneFollower(index.courses, index.library.skeleton, promised) if promised else None
         #: What the last look at whole motions saw, until an answer says it.

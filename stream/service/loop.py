@@ -408,7 +408,8 @@ class Service:
             self._next_classes = now + CLASSES_EVERY
             tell(self.sinks, Classes(tuple((self._control or self.performers).classes)))
         if now >= self._next_status:
-            elapsed, self._next_status = now - self._next_status + STATUS_EVERY, now + STATUS_EVERY
+            elapsed = now - self._next_status + STATUS_EVERY
+            self._next_status = now + STATUS_EVERY
             # After a stop of this process packets wait, and nobody knows who is silent.
             paused = self.performers.end_paused(now) if now - self._looked < MAX_AGE else []
             self._publish_events([*paused, *self.performers.drop_silent(now)])

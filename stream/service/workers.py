@@ -376,7 +376,8 @@ class Gateway(Present[Track]):
 
     def set_sensitivity(self, share: float) -> None:
         """Recognise all performers with another sensitivity soon."""
-        self.terms, self.sensitivity = self.terms._replace(settings=replace(self.settings, sensitivity=share)), share
+        self.terms = self.terms._replace(settings=replace(self.settings, sensitivity=share))
+        self.sensitivity = share
         self._tell_all(bytes(ForkingPickler.dumps(None)))
 
     def exchange(self, library: MotionLibrary | WindowIndex, order: Sequence[str] = ()) -> list[Event]:

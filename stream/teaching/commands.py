@@ -14,7 +14,6 @@ from enum import StrEnum
 from typing import Any, get_args
 
 import msgspec
-from msgspec.structs import fields
 
 from kinespace.stream.osc.packet import PacketError, decode_packet, encode_message
 from kinespace.stream.recognition import GONE, Outcome
@@ -87,7 +86,7 @@ class Tried:
         often = 3600 * self.done / self.seconds
         hourly = f" ({often:.0f} an hour)" if self.done and self.seconds >= _ENOUGH else ""
         step = "; if you did not do it, teach nothing, or show a larger gesture" if often > _TOO_OFTEN else ""
-        return f"done {times} in your last {lasted}{hourly}{step}"
+        return f"done {times} in {lasted} of your movement before{hourly}{step}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +105,7 @@ class Taught:
         `good so far: show it again to be sure`, `good`, `close to <class>`, `cannot be told from <class>` or `unlike
         your other examples`, and what to change.
     tried
-        How often the class would have been said in the performer's last five minutes.
+        How often the class would have been said in the performer's last minutes.
     """
 
     class_name: str
@@ -344,7 +343,8 @@ _MAX_REQUEST = 10_000
 _MAX_NUMBER = 1e15
 _COMMANDS: dict[str, type[Command]] = {each.__name__.lower(): each for each in get_args(Command)}
 #: The arguments of each command, in order, by their names on the wire.
-_ARGUMENTS = {word: {each.encode_name: each for each in fields(kind)} for word, kind in _COMMANDS.items()}
+_FIELDS = {word: msgspec.structs.fields(kind) for word, kind in _COMMANDS.items()}
+_ARGUMENTS = {word: {each.encode_name: each for each in of} for word, of in _FIELDS.items()}
 
 
 #: A command's word and its arguments.

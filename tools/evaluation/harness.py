@@ -299,7 +299,9 @@ def asked_by(
     ValueError
         The performers are not known, or no motion is left to make a library of.
     """
-    if library and protocol is Protocol.LIBRARY:
+    if protocol is Protocol.LIBRARY:
+        if library is None:
+            raise ValueError("library: expected one for --protocol library, got none")
         return [Asked(take, library) for take in takes]
     labelled = [take for take in takes if take.is_known]
     every = [*labelled, *(take for take in takes if not take.is_known)]
@@ -418,7 +420,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     takes = takes_at(options, given or MotionLibrary.builtin())
     joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else ())])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-    asked = asked_by(takes, protocol, given and given.restricted_to(joints), either_side=options.either_side)
+    asked = asked_by(takes, protocol, given.restricted_to(joints) if given else None, either_side=options.either_side)
     classes = tuple(sorted({name for each in asked for name in each.library.classes}))
     _require_classes(takes, sources, classes)
     return asked, classes

@@ -5,6 +5,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -150,9 +151,10 @@ class ZmqFrameSender(zeromq.ZmqSender):
 
     _announced: Sequence[str] | None = None
 
-    def __init__(self, *given: Any, **further: Any) -> None:  # noqa: ANN401 - as `ZmqSender`
-        super().__init__(*given, **further)
-        self._numbers = defaultdict[str, "count[int]"](count)
+    @cached_property
+    def _numbers(self) -> defaultdict[str, "count[int]"]:
+        """The numbers of each performer's further frames."""
+        return defaultdict(count)
 
     def greet(self) -> None:
         """Send an empty message, to find out whether it arrives."""

@@ -100,11 +100,11 @@ def watch(plan: CameraPlan, started: Callable[[str], object], wants_end: Callabl
         started(f"{plan.source} to {sender}; Ctrl-C ends")
         begun = time.perf_counter()
         found, frames = _watched(film, bodies, FrameStream(sender, JOINTS))
-        often, share = film.taken / (time.perf_counter() - begun), found / max(film.taken, 1)
+        often, share, lost = film.taken / (time.perf_counter() - begun), found / max(film.taken, 1), film.lost
     if not found and film.taken and not film.is_live and not wants_end():
         raise ValueError(f"{plan.source}: no body in any of {film.taken} pictures")
     return (
-        f"{film.taken} pictures, {often:.1f} a second, a body in {found} ({share:.1%}); {film.lost} "
+        f"{film.taken} pictures, {often:.1f} a second, a body in {found} ({share:.1%}); {lost} "
         f"left out because they came too fast; {frames} frames sent, {sender.failed} failed"
     )
 

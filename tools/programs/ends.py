@@ -237,8 +237,9 @@ class Ends(ExitStack):
             from kinespace.tools.programs.camera import CameraPlan, CameraProcess  # noqa: PLC0415 - seldom needed
 
             place, people = "{}:{}".format(*_own_port(self.sources)), self._options.people
-            process = CameraProcess(CameraPlan(camera, osc=place, people=people, size=self._options.size), say)
-            say(f"camera: {self.enter_context(process).opened}")
+            plan = CameraPlan(camera, osc=place, people=people, size=self._options.size)
+            process = self.enter_context(CameraProcess(plan, say))
+            say(f"camera: {process.opened}")
         if stream := self._options.lsl_in:
             from kinespace.tools.feeding.lsl_feed import LslFeed  # noqa: PLC0415 - only where a stream is asked for
 

@@ -332,7 +332,7 @@ class RosterOpener:
         for place, (moment, positions) in enumerate(zip(before.times.tolist(), before.positions, strict=True)):
             if place % _FRAMES_AT_ONCE == 0 and (self._ending.wait(_PAUSE) or not self._changes.empty()):
                 return Tried()
-            if time.monotonic() > until:
+            if place >= _FRAMES_AT_ONCE and time.monotonic() > until:
                 break
             recognition = recognizer.push(Frame("before", moment, positions))
             for event in recognition.events if recognition else ():

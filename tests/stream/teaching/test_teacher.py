@@ -527,7 +527,7 @@ def test_notices() -> None:
     assert decode_packet(commands.encode(state)) == [("/motion/teach/state", ["ann", "refused", 1.5, "why"])]
     assert decode_packet(commands.encode(taught)) == [("/motion/teach/taught", ["wave", 2, 1.25, "good", 3, 2, 180.0])]
     assert commands.as_json(state) == {"performer": "ann", "state": "refused", "seconds": 1.5, "reason": "why"}
-    tried = f"done 2 times in your last 3 minutes (40 an hour); {TOO_OFTEN}"
+    tried = f"done 2 times in 3 minutes of your movement before (40 an hour); {TOO_OFTEN}"
     kept = "taught wave: good; examples: 2, 1.2 s kept"
     assert commands.as_line(taught) == f"{kept}; it would have been {tried}"
     assert commands.as_line(Taught("wave", 2, 1.25, "good")) == kept
@@ -539,9 +539,9 @@ def test_notices() -> None:
     ("tried", "words"),
     [
         (Tried(), ""),
-        (Tried(4, 0, 300.0), "done not once in your last 5 minutes"),
-        (Tried(0, 0, 42.0), "done not once in your last 42 s"),
-        (Tried(0, 1, 42.0), f"done once in your last 42 s; {TOO_OFTEN}"),
+        (Tried(4, 0, 300.0), "done not once in 5 minutes of your movement before"),
+        (Tried(0, 0, 42.0), "done not once in 42 s of your movement before"),
+        (Tried(0, 1, 42.0), f"done once in 42 s of your movement before; {TOO_OFTEN}"),
     ],
 )
 def test_how_often_a_class_would_have_been_said(tried: Tried, words: str) -> None:

@@ -154,7 +154,8 @@ def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPat
     _show(stage, 0, "squat1Reps", 1)
     _teach(stage, 10, "my squat", "squat1Reps")
     (taught,) = stage.until(lambda heard: Step.DONE in heard.steps()).of(Taught)
-    assert taught.tried.seconds < 1.0
+    assert 0.0 < taught.tried.seconds < 1.0
+    assert taught.tried.words == "done not once in 0 s of your movement before"
 
 
 @pytest.mark.slow

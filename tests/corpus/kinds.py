@@ -655,6 +655,7 @@ def _trcs() -> dict[str, Kind]:
         "a label twice, of which one is below the header's counts": (trc().replace("RightLeg", "Hips"), {"tells": "twice: Hips: the second is called Hips_2", "lacking": ("RightLeg",)}),
         "nobody at last, tabs trimmed": ("\n".join(line.rstrip("\t") for line in trc(positions=np.where(np.arange(48)[:, None, None] > 44, np.nan, 1000 * BODY)).split("\n")), {"frames": slice(45)}),
         "small letters behind a subject": (trc().replace(heads, "\t\t\t".join(f"an:{name.lower()}" for name in NAMES)), {"names": tuple(map(str.lower, NAMES))}),
+        "one tab between labels, the last never seen, tabs trimmed": ("\n".join(line.rstrip("\t") for line in trc(positions=gone).replace(heads, "\t".join(NAMES)).split("\n")), {"tells": "RightFoot (never seen)", "lacking": ("RightFoot",)}),
         "brackets in names": (trc().replace(heads, "\t\t\t".join(f"{name} (a)" for name in NAMES)), {"names": tuple(f"{name} (a)" for name in NAMES)}),
         "Latin letters": (trc().replace("Head", "Schädel"), {"lacking": ("Head",)}),
         "two tabs between the header's numbers": (trc().replace("60.00\t60.00\t48\t16\tmm", " 60.0\t\t 60.0\t\t 48\t\t 16\t\t mm"), {}),

@@ -276,7 +276,7 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     """
     row, above = [name.strip() for name in rows[place]], rows[:place]
     if above and row[0] == "MARKER_NAMES":
-        return _in_order(row, first)
+        return _in_order(row, len(first), first)
     # Markers may be counted behind their axes, where names stand above: `X1`.
     again = _NUMBERED if above and sum(bool(_NUMBERED.search(name)) for name in row) > _FEW else _AGAIN
     found = [_AXIS.fullmatch(again.sub("", name)) for name in row]
@@ -295,8 +295,11 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):
         # Each column has a whole name.
         return names[-1]
-    if above and not (is_over and named == names[-1]) and (in_order := _in_order(above[-1], first)):
-        return in_order
+    if above and not (is_over and named == names[-1]):
+        # Behind the last marker that is seen at first, tabs may be cut off; the axes are whole.
+        ways = (_in_order(above[-1], size, first) for size in (len(first), ours[-1] + 1))
+        if in_order := next(filter(None, ways), None):
+            return in_order
     if not is_over:
         return []
     named = _with_stars(named, around[names.index(named)], threes)
@@ -354,13 +357,13 @@ def _places_among(axes: Sequence[str], names: Sequence[Sequence[str]], below: Se
     ]
 
 
-def _in_order(row: Sequence[str], first: Sequence[str]) -> list[str]:
-    """Name three columns after each name of a row whose names do not stand over them; empty where they do not fit."""
+def _in_order(row: Sequence[str], size: int, first: Sequence[str]) -> list[str]:
+    """Name three of so many columns after each name of a row that does not stand over them; empty where none fit."""
     cells = [*filter(None, map(str.strip, row))]
     for each in (cells, " ".join(cells).split()):
         heads = [name for name in each[:2] if name == "MARKER_NAMES" or (_FRAMES | _TIMES) & {*words_of(name)}]
         names = each[len(heads) :]
-        front = len(first) - 3 * len(names)
+        front = size - 3 * len(names)
         # A tab may stand at a line's end, too.
         front -= front % 2 and not first[-1]
         if len(names) > 1 and 0 <= front < 3:

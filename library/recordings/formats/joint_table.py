@@ -248,7 +248,7 @@ class _Table:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
             return
-        fields = [row[column] for column in self.columns]
+        fields = [row[column] or "nan" for column in self.columns]
         try:
             self.values.extend([*map(float, fields)])
         except ValueError:

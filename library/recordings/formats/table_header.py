@@ -303,11 +303,7 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     if not is_over:
         return []
     named = _with_stars(named, around[names.index(named)], threes)
-    if len({(named[column], axes[column]) for column in ours}) < len(ours):
-        # Another row tells the joints of several bodies apart.
-        over = (each for each in names if _are_over(each, threes))
-        front = next((each for each in over if len({(each[c], named[c], axes[c]) for c in ours}) == len(ours)), None)
-        named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
+    named = _with_bodies(named, names, [(column, axes[column]) for column in ours], threes)
     near = [*(above[-1] if above else ()), *[""] * len(row)]
     heads = ["" if axis else cell or up.strip() for axis, cell, up in zip(axes, row, near, strict=False)]
     for column in ours:
@@ -320,6 +316,23 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
 def _are_over(names: Sequence[str], threes: Sequence[Sequence[int]]) -> bool:
     """Say whether one name stands over the three columns of each marker."""
     return all(len({names[column] for column in three}) == 1 for three in threes)
+
+
+def _with_bodies(
+    named: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    ours: Sequence[tuple[int, str]],
+    threes: Sequence[Sequence[int]],
+) -> list[str]:
+    """Put each body's name, which stands in another row, before its joints where several have the same joints."""
+
+    def is_each_told(row: Sequence[str]) -> bool:
+        return len({(row[column], named[column], axis) for column, axis in ours}) == len(ours)
+
+    if is_each_told(named):
+        return [*named]
+    front = next((each for each in rows if is_each_told(each) and _are_over(each, threes)), None)
+    return [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else [*named]
 
 
 def _with_stars(named: Sequence[str], row: Sequence[str], threes: Sequence[Sequence[int]]) -> list[str]:

@@ -391,6 +391,7 @@ def _tables() -> dict[str, Kind]:
         "paths in front of names, blanks, no times": (table(names=PATHS, clock=None, mark=" "), {"ending": "txt", "names": PATHS, "rate": 30.0, "tells": "times: none"}),
         "heads and tails of bones": (table(names=[f"{name}_{end}" for name in NAMES for end in ("head", "tail")], positions=np.stack([BODY, BODY + 0.05], axis=2).reshape(48, 32, 3)), {"tells": "no performer's: Hips_tail"}),
         "two people and a ball": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=BOTH, more=[(f"{thing}_{axis}", 0.5) for thing in ("ball1", "ball2") for axis in "xyz"]), {"people": ("ann", "bob"), "tells": "no performer's: ball1, ball2"}),
+        "two people below a number of frames": ("NO_OF_FRAMES,48\n" + _two("id", "time", ("1", "2")), {"people": ("1", "2")}),
         "two people by instance": (_two("instance", "time", ("0", "1")), {"people": ("0", "1")}),
         "two people, one never seen": (table(names=[f"{who}:{name}" for who in ("ann", "bob") for name in NAMES], positions=np.concatenate([BODY, np.zeros_like(BODY)], axis=1)), {"people": ("ann",), "tells": "never seen: bob"}),
         "two people by id, one never seen": (re.sub(r"(?m)^(.*?,2),.*", r"\1" + ",0" * 48, _two("id", "time", ("1", "2"))), {"people": ("1",), "tells": "or in none: 2"}),

@@ -147,11 +147,11 @@ def read_clips(
     head, places, (name, moments) = table.header, table.places(), table.clock()
     clips, people = list[Clip](), table.people(path, moments)
     several = people.items() if len(people) > 1 else ()
-    if head.frames and head.frames != len(places):
+    if head.frames and head.frames != len(places) and not several:
         table.notes.append(f"frames: the header says {head.frames:g}, there are {len(places)}: these are taken")
     if head.unit and not metres_of(head.unit) and not metres_per_unit:
         if head.unit.lower() in WORDS["columns"]["no_lengths"]:
-            raise RecordingError(f"{path}: expected positions, got numbers in {head.unit}")
+            raise RecordingError(f"{path}: expected positions, got numbers in {head.unit}; --unit names another")
         table.notes.append(f"units: {head.unit!r} is no unit: the body's size tells it; --unit names it")
     brief = [person for person, rows in several if len(rows) < 2 < len(places) or not is_seen(places[rows])]
     if 0 < len(brief) < len(people):

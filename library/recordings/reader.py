@@ -164,7 +164,9 @@ def find_recordings(places: str | Path | Iterable[str | Path]) -> list[Path]:
             raise RecordingError(f"{place}: no such file or folder")
         if place.is_dir():
             ours = (path for path in place.rglob("*") if not is_systems(path.relative_to(place)))
-            within = sorted(path for path in ours if is_recording(path) and not path.is_dir())
+            # Other files have the other endings of tables, too: a TRC that cannot be read is not passed over.
+            files = (path for path in ours if not path.is_dir())
+            within = sorted(path for path in files if path.suffix.lower() == ".trc" or is_recording(path))
             found += [path for path in within if path.suffix.lower() not in FILMS] or within
         else:
             found.append(place)

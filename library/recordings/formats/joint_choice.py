@@ -5,6 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import chain
 from itertools import count as counted
 
 from kinespace.library.clip import Clip
@@ -115,7 +116,7 @@ def people_in(labels: Sequence[str]) -> dict[str, dict[int, str]]:
             own = {*found.get("", {}).values()}
             if all(not person or (person.isdecimal() and {*each.values()} < own) for person, each in found.items()):
                 # Some joints that stand there again are no second person.
-                return {"": found[""]}
+                return {"": dict(sorted(chain(*(each.items() for each in people.values()))))}
             if len(found) > 2 and not again:
                 # Beside two people what has no name in front is a thing.
                 found.pop("", None)

@@ -147,11 +147,11 @@ def read_clips(
     head, places, (name, moments) = table.header, table.places(), table.clock()
     clips, people = list[Clip](), table.people(path, moments)
     several = people.items() if len(people) > 1 else ()
-    if head.frames and head.frames != len(places):
+    if head.frames and head.frames != len(places) and not several:
         table.notes.append(f"frames: the header says {head.frames:g}, there are {len(places)}: these are taken")
     if head.unit and not metres_of(head.unit) and not metres_per_unit:
         if head.unit.lower() in WORDS["columns"]["no_lengths"]:
-            raise RecordingError(f"{path}: expected positions, got numbers in {head.unit}")
+            raise RecordingError(f"{path}: expected positions, got numbers in {head.unit}; --unit names another")
         table.notes.append(f"units: {head.unit!r} is no unit: the body's size tells it; --unit names it")
     brief = [person for person, rows in several if len(rows) < 2 < len(places) or not is_seen(places[rows])]
     if 0 < len(brief) < len(people):
@@ -235,7 +235,8 @@ class _Table:
     def take(self, path: Path, line: int, row: list[str]) -> None:
         """Take in a row; refuse one of another width than the header's."""
         missing, width = self.needed - len(row), len(self.header.names)
-        beyond = sum(map(bool, row[width:])) if len(row) > width else 0
+        # Decimal commas that cut numbers make fields without a point.
+        beyond = sum(bool(each) and "." not in each for each in row[width:]) if len(row) > width else 0
         # Where nobody was seen a row may end behind its time.
         # A number more than the first frame has moves all behind it; a remark may stand there.
         more = any(map(_is_finite, row[max(width, len(self.first)) :]))
@@ -247,7 +248,7 @@ class _Table:
             self.rows.append((line, row))
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
             return
-        fields = [row[column] for column in self.columns]
+        fields = [row[column] or "nan" for column in self.columns]
         try:
             self.values.extend([*map(float, fields)])
         except ValueError:
@@ -327,10 +328,12 @@ class _Table:
         return bool(len(apart) and len(moved) and np.median(apart) > _OTHER * np.median(moved))
 
 
-def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
-    """Give the rows of a table of at most so many characters."""
+def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str] | None]:
+    """Give the rows of a table of at most so many characters; behind a last one that may be cut off, None."""
+    line = ""
 
     def whole() -> Iterator[str]:
+        nonlocal line
         for line in lines_of(path, most, errors="replace"):
             # A row of any length, otherwise.
             if line.count('"') % 2:
@@ -341,8 +344,11 @@ def _rows(path: Path, mark: str, most: int | None) -> Iterator[list[str]]:
             yield one.replace(";(", f"{mark}(")
 
     if mark == " ":
-        return (line.replace('"', "").lstrip("#% ").removeprefix("//").split() for line in whole())
-    return csv.reader(whole(), delimiter=mark, skipinitialspace=True)
+        yield from (each.replace('"', "").lstrip("#% ").removeprefix("//").split() for each in whole())
+    else:
+        yield from csv.reader(whole(), delimiter=mark, skipinitialspace=True)
+    # Tabs at a line's end are often cut off: there a short line that ends is whole.
+    yield [] if mark == "\t" and line.endswith(("\n", "\r")) else None
 
 
 def _begun(path: Path, most: int | None = None) -> str | None:
@@ -360,7 +366,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
     """Give each part of a text that is a table of joints when its first frame comes; it gets its rows later."""
     head, named, table, blank, goes, line = list[list[str]](), list[str](), None, False, False, 0
     gone = list[list[str]]()
-    for line, (row, after) in enumerate(pairwise(chain(_rows(path, mark, most), [None])), start=1):
+    for line, (row, after) in enumerate(pairwise(_rows(path, mark, most)), start=1):
         if not row or not any(row) or (table and (row[0].startswith("#") or row == named)):
             blank |= not row or not any(row)
             # Where no time is said a row of nothing is a frame in which nobody is seen, unless it is among the last.
@@ -388,7 +394,6 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
-            # Tabs at a line's end are often cut off.
             table.take(path, line, [*cells, *[""] * (table.needed - len(cells))] if mark == "\t" else cells)
     if table is None and (header := header_of(head)) and len(header.joints) > 1:
         yield _Table(header, [], line)
@@ -497,6 +502,8 @@ def _read(path: Path) -> _Table:
         table = max(_tables(path, mark), key=lambda each: each.header.rank)
     except csv.Error as error:
         raise RecordingError(f"{path}: expected a CSV ({error})") from error
+    if beyond := sum(map(_is_finite, table.first[len(table.header.names) :])):
+        table.notes.append(f"columns: {beyond} behind all names: left out")
     if not table.is_wide:
         table = _turned(path, table)
     if others := table.header.others:

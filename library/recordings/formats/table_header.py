@@ -21,7 +21,7 @@ from kinespace.library.recordings.formats.measures import METRES, WORDS, metres_
 _BEHIND = r"(?i:pos(?:ition)?|coord(?:inate)?)?(?:(?:[\W_]+|(?=\d))(?P<unit>[µa-zA-Z\d]{1,30}))?[\W_]*"
 #: How columns are named after a joint and an axis: of these ways the one that names most joints counts.
 _WAYS = (
-    re.compile(rf"(?i)(?P<joint>.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
+    re.compile(rf"(?i)(?P<joint>.*[(\[]\w+[)\]]|.*[^\W_])[\W_]+[tp]?(?P<axis>[wxyz]){_BEHIND}"),
     re.compile(rf"(?P<joint>.+[a-z]|.*(?:[0-9\])]|[A-Z]{{2}}))[TP]?(?P<axis>[WXYZ]){_BEHIND}"),
     re.compile(
         r"(?i)(?:pos|position|[tp])?[\W_]*(?P<axis>[wxyz])[\W_]*"
@@ -56,7 +56,7 @@ _DEEP = 12
 #: What pandas writes behind a name that stands there again, or in place of none.
 _AGAIN = re.compile(r"\.\d+\Z|\AUnnamed: \d+.*")
 _NUMBERED = re.compile(r"(?<=\A[XYZxyz])\d+\Z")
-_ROOT = re.compile(r"(.+):\1")
+_ROOT = re.compile(r"\A(.+):\1\Z")
 #: How the rows above say the rate (a camera's where no other is said), the unit of length, and the number of frames.
 _FREQUENCY = (
     r"(?:(?:export|recording|video|stream|nominal|acquisition|data|frame|point|marker|sampl\w+)[ _]?){0,3}"
@@ -142,8 +142,9 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Heade
         row, others = names[place], [each for each in rows if each is not names[place]]
         if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
             row = row[1:]
-        # R names no column for the numbers of its rows.
-        row = _continued(["", *row] if len(row) == len(first) - 1 and first[-1] else row)
+        # R names no column for the numbers, or the names, of its rows; a time in front is none.
+        is_of_r = len(row) == len(first) - 1 and first[-1] and "." not in first[0]
+        row = _continued(["", *row] if is_of_r else row)
         for each, no_places in ((_over_axes(names, place, first), _NO_MARKERS), (row, _NO_PLACES)):
             if len((one := _of_one(each, first, no_places))[0]) > 1:
                 return _header(others, each, *one)
@@ -275,12 +276,13 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     """
     row, above = [name.strip() for name in rows[place]], rows[:place]
     if above and row[0] == "MARKER_NAMES":
-        return _in_order(row, first)
+        return _in_order(row, len(first), first)
     # Markers may be counted behind their axes, where names stand above: `X1`.
     again = _NUMBERED if above and sum(bool(_NUMBERED.search(name)) for name in row) > _FEW else _AGAIN
     found = [_AXIS.fullmatch(again.sub("", name)) for name in row]
     axes = [each[1].lower() if each and (each[2] or "").lower() not in _NO_LENGTHS else "" for each in found]
-    names = [_filled(each, len(row), axes) for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1]
+    around = [each for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1]
+    names = [_filled(each, len(row), axes) for each in around]
     ours = _places_among(axes, names, rows[place + 1 :] if above else [])
     if min(map(axes.count, "xyz")) < _FEW or not ours or not names:
         return []
@@ -288,20 +290,20 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     named = max(
         names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
     )
-    threes = (ours[n : n + 3] for n in range(len(ours)) if [axes[column] for column in ours[n : n + 3]] == [*"xyz"])
-    is_over = all(len({named[column] for column in three}) == 1 for three in threes)
+    threes = [ours[n : n + 3] for n in range(len(ours)) if [axes[column] for column in ours[n : n + 3]] == [*"xyz"]]
+    is_over = _are_over(named, threes)
     if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):
         # Each column has a whole name.
         return names[-1]
-    if above and not (is_over and named == names[-1]) and (in_order := _in_order(above[-1], first)):
-        return in_order
+    if above and not (is_over and named == names[-1]):
+        # Behind the last marker that is seen at first, tabs may be cut off; the axes are whole.
+        ways = (_in_order(above[-1], size, first) for size in (len(first), ours[-1] + 1))
+        if in_order := next(filter(None, ways), None):
+            return in_order
     if not is_over:
         return []
-    if len({(named[column], axes[column]) for column in ours}) < len(ours):
-        # Another row tells the joints of several bodies apart.
-        apart = (each for each in names if len({(each[c], named[c], axes[c]) for c in ours}) == len(ours))
-        front = next(apart, None)
-        named = [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else named
+    named = _with_stars(named, around[names.index(named)], threes)
+    named = _with_bodies(named, names, [(column, axes[column]) for column in ours], threes)
     near = [*(above[-1] if above else ()), *[""] * len(row)]
     heads = ["" if axis else cell or up.strip() for axis, cell, up in zip(axes, row, near, strict=False)]
     for column in ours:
@@ -309,6 +311,45 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
         name, axis = _ROOT.sub(r"\1:Hip", named[column]), found[column]
         heads[column] = f"{name}_{axis[1]} {axis[2] or ''}" if axis and name else ""
     return heads
+
+
+def _are_over(names: Sequence[str], threes: Sequence[Sequence[int]]) -> bool:
+    """Say whether one name stands over the three columns of each marker."""
+    return all(len({names[column] for column in three}) == 1 for three in threes)
+
+
+def _with_bodies(
+    named: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    ours: Sequence[tuple[int, str]],
+    threes: Sequence[Sequence[int]],
+) -> list[str]:
+    """Put each body's name, which stands in another row, before its joints where several have the same joints."""
+
+    def is_each_told(row: Sequence[str]) -> bool:
+        return len({(row[column], named[column], axis) for column, axis in ours}) == len(ours)
+
+    if is_each_told(named):
+        return [*named]
+    front = next((each for each in rows if is_each_told(each) and _are_over(each, threes)), None)
+    return [f"{one}:{name}" for one, name in zip(front, named, strict=True)] if front else [*named]
+
+
+def _with_stars(named: Sequence[str], row: Sequence[str], threes: Sequence[Sequence[int]]) -> list[str]:
+    """Give a star and a number, as C3D does, to each marker without a name of its own in a row.
+
+    Such a marker has the name of the marker on its left, or of the clock: `named` holds these, too.
+    """
+    found, taken = [*named], set[str]()
+    for number, three in enumerate(threes, start=1):
+        name = named[three[0]]
+        is_clock = bool((_TIMES | _FRAMES) & {*words_of(name)})
+        if (name in taken or is_clock) and not any(row[three[0] : three[-1] + 1]):
+            for column in three:
+                found[column] = f"*{number}"
+        taken.add(name)
+    # What stands over all columns names no marker.
+    return found if len(taken) > 1 else [*named]
 
 
 def _places_among(axes: Sequence[str], names: Sequence[Sequence[str]], below: Sequence[Sequence[str]]) -> list[int]:
@@ -329,13 +370,13 @@ def _places_among(axes: Sequence[str], names: Sequence[Sequence[str]], below: Se
     ]
 
 
-def _in_order(row: Sequence[str], first: Sequence[str]) -> list[str]:
-    """Name three columns after each name of a row whose names do not stand over them; empty where they do not fit."""
+def _in_order(row: Sequence[str], size: int, first: Sequence[str]) -> list[str]:
+    """Name three of so many columns after each name of a row that does not stand over them; empty where none fit."""
     cells = [*filter(None, map(str.strip, row))]
     for each in (cells, " ".join(cells).split()):
         heads = [name for name in each[:2] if name == "MARKER_NAMES" or (_FRAMES | _TIMES) & {*words_of(name)}]
         names = each[len(heads) :]
-        front = len(first) - 3 * len(names)
+        front = size - 3 * len(names)
         # A tab may stand at a line's end, too.
         front -= front % 2 and not first[-1]
         if len(names) > 1 and 0 <= front < 3:

@@ -90,6 +90,15 @@ def test_paths_are_text_or_path_one_or_many(tmp_path: Path) -> None:
             read_recordings(wrong)  # type: ignore[arg-type] # a mistake
 
 
+def test_a_trc_that_cannot_be_read_is_not_passed_over(tmp_path: Path) -> None:
+    """Labels and libraries have the other endings of tables, too; nothing else ends in .trc."""
+    (tmp_path / "labels.txt").write_text("0.1\t0.2\twave\n")
+    (tmp_path / "take.trc").write_text("PathFileType\t4\n")
+    assert find_recordings(tmp_path) == [tmp_path / "take.trc"]
+    with pytest.raises(RecordingError, match="without joints' positions"):
+        list(read_recordings(tmp_path))
+
+
 def test_a_folder_gives_motions_with_classes_and_persons(tmp_path: Path) -> None:
     """A clip has its folder's class; a take is cut by the labels beside it; the person is where the caller says."""
     _write_arm(tmp_path / "bow", "ann_1.amc", frames=20)

@@ -173,7 +173,7 @@ def test_a_person_sees_teaches_and_is_recognised(tmp_path: Path) -> None:
         accessible = Axe().run(page)
         assert accessible.violations_count == 0, accessible.generate_report()
         teaches(page, performer)
-        assert complaints == []
+        assert complaints == [], program.errors
         # The recogniser is started anew on the same address: the page comes back by itself.
         assert program.interrupt() == 0
         until(page, "document.querySelector('#state').className === 'lost'")

@@ -229,7 +229,8 @@ def _motions_of(library: MotionLibrary) -> Mapping[str, object]:
     motions = {each.class_name: each for each in library.motions}
     for name, motion in [*motions.items()][:_MAX_CLASSES]:
         times = np.arange(0.0, min(motion.duration, _MAX_SECONDS), 1 / _PICTURES)
-        frames = motion.positions[(times * motion.frame_rate).astype(int)]
+        # By rounding the last time may be the motion's end.
+        frames = motion.positions[np.minimum((times * motion.frame_rate).astype(int), motion.frames - 1)]
         shown[name] = {**body, "frames": np.rint(100 * frames.reshape(len(frames), -1)).astype(int).tolist()}
     return shown
 

@@ -22,7 +22,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from programs import LOOPBACK, PATIENCE, free_udp_port, ghost_cues, started, until
-from synthetic import STICK_CLASSES, stick_clips
+from synthetic import STICK_CLASSES, stick_clip, stick_clips
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Response
@@ -40,7 +40,17 @@ from kinespace.tools.cli.arguments import BUILT_IN
 from kinespace.tools.cli.live_table import COUNTERS, counts
 from kinespace.tools.page.board import MAX_SHOWN, Board
 from kinespace.tools.page.process import PagePlan, PageProcess
-from kinespace.tools.page.server import MAX_MESSAGE, MAX_PAGES, Gate, PageServer, answer, as_text, packed, read_message
+from kinespace.tools.page.server import (
+    MAX_MESSAGE,
+    MAX_PAGES,
+    Gate,
+    PageServer,
+    answer,
+    as_text,
+    motions_at,
+    packed,
+    read_message,
+)
 
 #: Seconds in which nothing may come; a busy machine makes the test easier, never harder.
 SILENCE = 0.15
@@ -282,6 +292,14 @@ def test_bodies_and_answers_are_the_newest() -> None:
     later, _ = _told(board, told["number"])
     assert later["answer"]["ann"]["score"] == 0.5
     assert "skeleton" not in later
+
+
+def test_a_class_has_a_motion_however_long_it_is(tmp_path: Path) -> None:
+    """Of 75 frames, 45 a second, the last time that is shown is by rounding the motion's end."""
+    motions = [stick_clip(name, frames=75, rate=45.0) for name in STICK_CLASSES[:2]]
+    MotionLibrary.of_clips(motions).save(tmp_path / "mine.npz")
+    shown = motions_at(tmp_path / "mine.npz")
+    assert [len(each["frames"]) for each in shown.values()] == [21, 21]
 
 
 def test_motions_are_kept_for_a_minute_with_their_beginnings_and_ends() -> None:

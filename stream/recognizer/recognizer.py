@@ -475,8 +475,10 @@ def answers_to(due: Sequence[Due]) -> list[Recognition]:
 
 
 def require_order(order: Sequence[str], library: MotionLibrary) -> None:
-    """Refuse an order of classes, unless it is empty, that lacks a class of the library or holds one twice."""
+    """Refuse an order of classes that lacks a class of the library or holds one twice; an empty one where none is."""
     known = set(library.classes) - {NOTHING}
+    if not order and not known:
+        raise ValueError(f"library: expected a class besides {NOTHING!r}, got none")
     lacking = sorted(known.difference(order))
     if order and (isinstance(order, str) or lacking or len(set(order)) < len(order)):
         got = f"{len(order)} without {', '.join(lacking[:5])}" if lacking else repr(order)

@@ -38,6 +38,7 @@ from kinespace.stream.present import MAX_REMEMBERED, Present
 from kinespace.stream.recognition import Event, Recognition
 from kinespace.stream.recognizer import Performers, Recognizer, SentJoints, Settings
 from kinespace.stream.recognizer.decision import Events
+from kinespace.stream.recognizer.recognizer import require_order
 from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
 from kinespace.stream.service.loop import Service
@@ -355,6 +356,7 @@ class Gateway(Present[Track]):
 
     def _know(self, library: MotionLibrary | WindowIndex, order: Sequence[str]) -> None:
         motions = library.library if isinstance(library, WindowIndex) else library
+        require_order(order, motions)
         self._skeleton, self._packed = motions.skeleton, bytes(ForkingPickler.dumps(library))
         #: The sensitivity of all recognisers.
         self.sensitivity = sensitivity_for(motions, self.settings)

@@ -170,8 +170,10 @@ class TaughtWindows:
         return self._base.library.classes if self._base and self._with_base else ()
 
     def index_of(self, roster: Roster) -> WindowIndex | None:
-        """Open a roster; None when there is no motion to compare with."""
+        """Open a roster; None when there is no motion to compare with, or none but `nothing`."""
         enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
+        if not self.base_classes and all(each.class_name == NOTHING for each in enabled):
+            return None
         if self._base is None:
             motions = self._shown([each.motion for each in enabled])
             return WindowIndex.of(MotionLibrary.of_clips(motions)) if motions else None

@@ -62,7 +62,7 @@ class Lessons(Sink):
         self.performers, self._teacher, self._clock = performers, teacher, time.monotonic
         self._places = ClassPlaces(windows.base_classes)
         self.classes: Sequence[str] = self._places.of(teacher.roster)
-        self.answers = bool(windows.base_classes or teacher.roster.examples)
+        self.answers = bool(windows.base_classes or {*teacher.roster.classes} - {NOTHING})
         self.sinks: Sequence[Sink] = ()
         self.is_loud = False
         #: Who is not answered during a lesson, and until when: what was shown last fires nothing behind it, either.
@@ -389,7 +389,8 @@ def open_lessons(
         base = _base(library, taught, joints)
         roster = _roster_of(taught, base) if taught else Roster()
         windows = TaughtWindows(base, with_base=library is not None, either_side=either_side)
-        index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(joints))
+        known = taught.skeleton.joints if taught else joints
+        index = windows.index_of(roster) or base or WindowIndex.of(_any_motion(known))
         teacher = Teacher(index.library.skeleton, roster, windows.base_classes, stillness)
         order = ClassPlaces(windows.base_classes).of(roster)
         lessons = Lessons(performers(index, order or index.classes), teacher, windows, kept)

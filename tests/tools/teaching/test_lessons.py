@@ -148,6 +148,24 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
 
 
 @pytest.mark.slow
+def test_nothing_alone_is_no_library(tmp_path: Path) -> None:
+    """Taught first, without a library, it answers nobody, also the next time; behind it a gesture is known."""
+    stage = Stage(tmp_path / "mine.npz", None)
+    _teach(stage, 0, "nothing", "kickLFront1Reps")
+    stage.until(lambda heard: Step.DONE in heard.steps())
+    assert (_show(stage, 20, "kickLFront1Reps"), stage.lessons.answers, stage.classes) == ([], False, ())
+    stage.lessons.close()
+    with pytest.raises(ValueError, match="library: expected a class besides 'nothing', got none"):
+        Performers(MotionLibrary.load(tmp_path / "mine.npz"))
+    again = Stage(tmp_path / "mine.npz", None)
+    assert (_show(again, 0, "kickLFront1Reps"), again.lessons.answers) == ([], False)
+    _teach(again, 20, "my squat", "squat1Reps")
+    again.until(lambda heard: Step.DONE in heard.steps())
+    assert _show(again, 40, "squat1Reps", 1)[:1] == ["my squat"]
+    again.lessons.close()
+
+
+@pytest.mark.slow
 def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """The word comes, with the seconds on which it was tried."""
     monkeypatch.setattr(lessons, "_TRIED_FOR", 0.0)

@@ -28,8 +28,9 @@ EVERY = 0.1
 _GOOD, _ALIKE = 0.05, 0.5
 #: An unlike example is so many times as far from its class's other examples as these from each other.
 _UNLIKE = 2.0
-#: What makes two classes differ.
+#: What makes two classes differ; and a class and `nothing`.
 _CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
+_CHANGE_OF_NOTHING = "undo `nothing` if this gesture is in it, or show a larger one"
 #: Examples from which on what is unknown is learned again only when their number has changed by more than this share.
 _MANY, _FEW = 200, 0.05
 #: Examples that were undone and keep their windows, at least.
@@ -269,7 +270,7 @@ class Check(NamedTuple):
     def words(self) -> str:
         """The result in words."""
         is_near, is_alike = (bool(self.nearest) and self.share_at_risk > share for share in (_GOOD, _ALIKE))
-        change = f": {_CHANGE}" if is_alike else ""
+        change = f": {_CHANGE_OF_NOTHING if self.nearest == NOTHING else _CHANGE}" if is_alike else ""
         if self.is_first:
             near = f"; the nearest class is {self.nearest}{change}" if is_near else ""
             return f"good so far: show it again to be sure{near}"

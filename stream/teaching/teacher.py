@@ -412,6 +412,8 @@ class NamedMotions:
 _GONE = 5.0
 #: Seconds between two ticks after which we count as stopped: frames of that time wait to be read.
 _STOPPED = 0.5
+#: Performers who are named to somebody who asks for another.
+_TOLD = 3
 #: Seconds by which a recording must be longer than its kept part to count as trimmed.
 _TRIMMED = 0.15
 #: What is said after an example, until there is one of `nothing`.
@@ -555,7 +557,9 @@ class Teacher:
     def _begin(self, asked: commands.Teach | commands.Last | commands.Hold, now: float) -> Told:
         performer = self._present(asked.performer, now)
         if performer is None:
-            return [_refused(asked.performer, "no such performer is there")]
+            there = ", ".join([*self._there(now)][:_TOLD])
+            why = f"no such performer is there, but {there}" if there else "nobody is there: no frames come"
+            return [_refused(asked.performer, why)]
         if isinstance(asked, commands.Last):
             end = self._memories[performer].newest - asked.ago
             return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))

@@ -14,7 +14,7 @@ from kinespace.library.library_file import replacing
 from kinespace.library.recordings import RecordingReader, find_recordings
 from kinespace.stream.teaching.movement import STILLNESS, stretches_of
 from kinespace.tools.cli.arguments import add_reading, add_shared, positive, reading_of
-from kinespace.tools.cli.console import NameNotes, csv_text, progress, require_place_for, say
+from kinespace.tools.cli.console import NameNotes, counted, csv_text, progress, require_place_for, say
 
 COLUMNS = ("start_s", "end_s", "label", "performer")
 #: Seconds: a longer row hardly is one motion; HDM05's longest cut clip has eight.
@@ -47,7 +47,9 @@ def run(options: argparse.Namespace) -> None:
         rows.writerow(COLUMNS)
         rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
     whose = ", ".join(take.actor or "one performer" for take in takes)
-    say(f"{labels}: {len(found)} movements of {whose}; write a class behind each; a movement without one is left out")
+    say(
+        f"{labels}: {counted(len(found), 'movement')} of {whose}; write a class behind each; a movement without one is left out"
+    )
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:
         advice = f"cut at quieter moments by --stillness above {options.stillness:g}"

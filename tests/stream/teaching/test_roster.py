@@ -119,6 +119,10 @@ def test_a_check_compares_an_example_with_its_own_and_the_other_classes() -> Non
         (Check(0.05, "a", 1.0), "good"),
         (Check(0.06, "a", 9.0), "close to a"),
         (Check(0.51, "a", 1.0), f"cannot be told from a: {CHANGE}"),
+        (
+            Check(0.51, "nothing", 1.0),
+            "cannot be told from nothing: undo `nothing` if this gesture is in it, or show a larger one",
+        ),
         (Check(0.05, "a", float("nan"), is_first=True), "good so far: show it again to be sure"),
         (Check(0.0, "", float("nan"), is_first=True), "good so far: show it again to be sure"),
         (Check(0.0, "a", 2.1), "unlike your other examples: show it as you will do it, or undo it"),

@@ -158,16 +158,16 @@ def test_a_lesson_without_a_performer_is_refused() -> None:
     """A lesson for an absent performer, or one who leaves, is refused."""
     stage = Stage()
     stage.ask(commands.Teach("", "wave"))
-    assert stage.reason() == "no such performer is there"
+    assert stage.reason() == "nobody is there: no frames come"
     stage.stand(1.0)
     stage.ask(commands.Teach("bo", "wave"))
-    assert stage.reason() == "no such performer is there"
+    assert stage.reason() == "no such performer is there, but ann"
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.wait(5.2)
     assert stage.reason() == "the performer has left"
     assert stage.teacher.lesson is None
     stage.ask(commands.Teach("ann", "wave"))
-    assert stage.reason() == "no such performer is there"
+    assert stage.reason() == "nobody is there: no frames come"
 
 
 def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:

@@ -300,7 +300,7 @@ def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, li
         stage.push(Frame("bob", place / 60, np.ones((3, 3))))
     for command, told in (
         (commands.Teach("bob", "wave"), "3 joints, 3 of them among the 31 compared"),
-        (commands.Teach("nobody", "wave"), "no such performer is there"),
+        (commands.Teach("nobody", "wave"), "nobody is there: no frames come"),
     ):
         (state,) = stage.command(command)
         assert state.step is Step.REFUSED

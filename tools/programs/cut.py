@@ -47,9 +47,8 @@ def run(options: argparse.Namespace) -> None:
         rows.writerow(COLUMNS)
         rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
     whose = ", ".join(take.actor or "one performer" for take in takes)
-    say(
-        f"{labels}: {counted(len(found), 'movement')} of {whose}; write a class behind each; a movement without one is left out"
-    )
+    many = counted(len(found), "movement")
+    say(f"{labels}: {many} of {whose}; write a class behind each; a movement without one is left out")
     long = [each for each, _ in found if each.duration > _MAX_SECONDS]
     if long:
         advice = f"cut at quieter moments by --stillness above {options.stillness:g}"

@@ -458,6 +458,8 @@ class Teacher:
         #: The performers of the examples shown here, and when, on their clocks.
         self._shown: dict[int, tuple[str, Stretch]] = {}
         self._number = roster.next_number
+        #: The numbers of examples of what was named wrongly.
+        self._wrong = set[int]()
         #: The last tick, and the first one after we were stopped.
         self._ticked = self._woke = -math.inf
 
@@ -533,7 +535,11 @@ class Teacher:
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
             return [_refused(performer, UNDONE)]
-        words = check.words if check and example.class_name != NOTHING else "good"
+        words = check.words if check else "good"
+        if check and example.class_name == NOTHING:
+            # What was named wrongly is like a gesture.
+            held = f"{check.nearest} is in it: undo it, and move without your gestures"
+            words = "good" if number in self._wrong else held
         taught = Taught(example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, tried)
         offer = "" if NOTHING in self.roster.classes else f"; {OFFER}"
         return [taught, State(performer, Step.DONE, example.seconds, words + offer)]
@@ -601,6 +607,7 @@ class Teacher:
             notices = self._take(performer, motion.class_name, motion.span(memory.newest))
         else:
             around = memory.unbroken(motion.around(memory.newest), motion.started)
+            self._wrong.add(number)
             notices = self._take(performer, NOTHING, around, trims=False)
         motion.is_right, motion.number = False, number if self._number > number else 0
         return notices

@@ -166,6 +166,19 @@ def test_nothing_alone_is_no_library(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_nothing_that_holds_a_gesture_is_told(tmp_path: Path) -> None:
+    """Other movement is good; the gesture itself would never be named again."""
+    stage = Stage(tmp_path / "mine.npz", None)
+    shown = [("my squat", "squat1Reps"), ("nothing", "kickLFront1Reps"), ("nothing", "squat1Reps")]
+    for count, (name, class_name) in enumerate(shown, start=1):
+        _teach(stage, 20 * count, name, class_name)
+        stage.until(lambda heard, count=count: heard.steps().count(Step.DONE) == count)  # type: ignore[misc]
+    _, good, bad = (each.words for each in stage.heard.of(Taught))
+    assert (good, bad) == ("good", "my squat is in it: undo it, and move without your gestures")
+    stage.lessons.close()
+
+
+@pytest.mark.slow
 def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """The word comes, with the seconds on which it was tried."""
     monkeypatch.setattr(lessons, "_TRIED_FOR", 0.0)

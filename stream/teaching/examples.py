@@ -31,8 +31,8 @@ _UNLIKE = 2.0
 #: What makes two classes differ; and a class and `nothing`.
 _CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 _CHANGE_OF_NOTHING = "undo `nothing` if this gesture is in it, or show a larger one"
-#: An example of `nothing` holds a gesture whose limit it lowers to less than this share: 15 of 16 by jackknife's u100 to
-#: u103, who chose it, and 16 of 16 by u104 to u107; none of 160 that it did not hold.
+#: An example of `nothing` holds a gesture whose limit it lowers to less than this share: so did 15 of 16 by jackknife's
+#: u100 to u103, who chose it, and 16 of 16 by u104 to u107; none of 160 that it did not hold.
 _HELD = 0.5
 #: Examples from which on what is unknown is learned again only when their number has changed by more than this share.
 _MANY, _FEW = 200, 0.05

@@ -68,7 +68,8 @@ class OscDecoder:
         return events
 
     def _refuse(self, kind: str, reason: str, sender: Sender, packet: Packet) -> None:
-        setattr(self.counts, kind, getattr(self.counts, kind) + 1)
+        self.counts.malformed += kind == "malformed"
+        self.counts.foreign += kind == "foreign"
         self.refusals.note(kind, reason, sender, packet)
 
     def expire(self, now: float) -> Sequence[Input]:  # noqa: ARG002 - nothing stays open
@@ -156,9 +157,10 @@ class FeedDecoder:
             return ()
         host, port = sender or ("", 0)
         number = self._senders.number(host, arrival, port, messages[0].address if messages else "")
-        self.assembler.why_malformed = ""
+        counts = self.assembler.counts
+        malformed = counts.malformed
         made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
-        if self.assembler.why_malformed:
+        if counts.malformed > malformed:
             self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
         return made
 

@@ -261,8 +261,12 @@ def encode_progress(recognition: Recognition) -> bytes:
 def encode_gone(performer: str) -> bytes:
     """Encode that a performer has left: an answer without a class, without scores."""
     start = f"/motion/{address_part(performer)}"
-    nothing: dict[str, list[str | float]] = {"class": [-1, 0.0, 0.0], "guess": [-1], "sofar": [-1], "label": [GONE]}
-    return packet.encode_bundle(*(packet.encode_message(f"{start}/{last}", *said) for last, said in nothing.items()))
+    return packet.encode_bundle(
+        packet.encode_message(f"{start}/class", -1, 0.0, 0.0),
+        packet.encode_message(f"{start}/guess", -1),
+        packet.encode_message(f"{start}/sofar", -1),
+        packet.encode_message(f"{start}/label", GONE),
+    )
 
 
 def encode_event(event: Event, since: float = 0.0) -> bytes:

@@ -207,6 +207,7 @@ class Track:
     _answered_at: float = 0.0
     _joints: tuple[str, ...] | None = None
     _joints_due: float = 0.0
+    #: Never empty behind the first `send`, which a performer begins with.
     _kept: deque[Kept] = field(default_factory=deque)
 
     def send(self, frame: Frame, joints: tuple[str, ...] | None) -> SentFrame:

@@ -31,8 +31,7 @@ _UNLIKE = 2.0
 #: What makes two classes differ; and a class and `nothing`.
 _CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 _CHANGE_OF_NOTHING = "undo `nothing` if this gesture is in it, or show a larger one"
-#: An example of `nothing` holds a gesture whose limit it lowers to less than this share: so did 15 of 16 by jackknife's
-#: u100 to u103, who chose it, and 16 of 16 by u104 to u107; none of 160 that it did not hold.
+#: An example of `nothing` holds a gesture whose limit it lowers to less than this share (tests/TRIED.md).
 _HELD = 0.5
 #: Examples from which on what is unknown is learned again only when their number has changed by more than this share.
 _MANY, _FEW = 200, 0.05
@@ -173,6 +172,11 @@ class TaughtWindows:
         """Classes that are known without examples."""
         return self._base.library.classes if self._base and self._with_base else ()
 
+    @property
+    def courses(self) -> Courses | None:
+        """The courses of the roster that was opened last; None where examples learn their own metrics."""
+        return self._cut[2]
+
     def index_of(self, roster: Roster) -> WindowIndex | None:
         """Open a roster; None when there is no motion to compare with, or none but `nothing`."""
         enabled = [each for each in roster.examples if each.class_name not in roster.disabled]
@@ -262,16 +266,21 @@ class Check(NamedTuple):
         Its distance to its class's other examples, relative to theirs from each other; NaN when there are none.
     is_first
         Whether its class has no other example: then nothing but other classes can win.
+    is_held
+        Whether it is an example of `nothing` that holds the nearest class.
     """
 
     share_at_risk: float
     nearest: str
     to_own: float
     is_first: bool = False
+    is_held: bool = False
 
     @property
     def words(self) -> str:
         """The result in words."""
+        if self.is_held:
+            return f"{self.nearest} is in it: undo it, and move without your gestures"
         is_near, is_alike = (bool(self.nearest) and self.share_at_risk > share for share in (_GOOD, _ALIKE))
         change = f": {_CHANGE_OF_NOTHING if self.nearest == NOTHING else _CHANGE}" if is_alike else ""
         if self.is_first:
@@ -325,15 +334,16 @@ def checked(index: WindowIndex, number: int) -> Check | None:
     )
 
 
-def held(before: WindowIndex | None, index: WindowIndex) -> Check | None:
-    """Find a gesture that a new example of `nothing` holds, by the limits before it; None where there is none."""
-    if before is None or before.courses.classes != index.courses.classes:
+def held(before: Courses | None, index: WindowIndex) -> Check | None:
+    """Find a gesture that a new example of `nothing` holds, by the courses before it; None where there is none."""
+    now = index.courses
+    if before is None or (before.classes, before.limits.shape) != (now.classes, now.limits.shape):
         return None
-    limits, lowered, starts = before.courses.limits[0], index.courses.limits[0], index.courses.starts
-    if limits.shape != lowered.shape or not (fallen := lowered < _HELD * limits).any():
+    fallen = np.flatnonzero(now.limits[0] < _HELD * before.limits[0])
+    if not len(fallen):
         return None
-    place = int(starts.searchsorted(np.flatnonzero(fallen)[0], side="right")) - 1
-    return Check(share_at_risk=1.0, nearest=index.courses.classes[place], to_own=math.nan)
+    place = int(now.starts.searchsorted(fallen[0], side="right")) - 1
+    return Check(share_at_risk=1.0, nearest=now.classes[place], to_own=math.nan, is_held=True)
 
 
 def _likeness(index: WindowIndex, place: int, own: int, distances: NDArray[np.float64]) -> float:

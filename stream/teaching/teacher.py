@@ -535,11 +535,8 @@ class Teacher:
         example = next((each for each in self.roster.examples if each.number == number), None)
         if example is None:
             return [_refused(performer, UNDONE)]
-        words = check.words if check else "good"
-        if check and example.class_name == NOTHING:
-            # What was named wrongly is like a gesture.
-            held = f"{check.nearest} is in it: undo it, and move without your gestures"
-            words = "good" if number in self._wrong else held
+        # What was named wrongly is like a gesture.
+        words = check.words if check and number not in self._wrong else "good"
         taught = Taught(example.class_name, len(self.roster.of(example.class_name)), example.seconds, words, tried)
         offer = "" if NOTHING in self.roster.classes else f"; {OFFER}"
         return [taught, State(performer, Step.DONE, example.seconds, words + offer)]
@@ -607,8 +604,8 @@ class Teacher:
             notices = self._take(performer, motion.class_name, motion.span(memory.newest))
         else:
             around = memory.unbroken(motion.around(memory.newest), motion.started)
-            self._wrong.add(number)
             notices = self._take(performer, NOTHING, around, trims=False)
+            self._wrong |= {number} if self._number > number else set()
         motion.is_right, motion.number = False, number if self._number > number else 0
         return notices
 

@@ -223,7 +223,7 @@ def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
             if not counts:
                 raise ValueError(_nothing_to_send(recording))
     sent, left_out = counts["sent"], counts["left out"]
-    failed, unheard = (sum(getattr(each, what) for each in senders.values()) for what in ("failed", "unheard"))
+    failed, unheard = sum(each.failed for each in senders.values()), sum(each.unheard for each in senders.values())
     if options.json:
         figures = {"sent": sent, "left_out": left_out, "failed": failed, "unheard": unheard}
         console.print_json({**figures, "lost_from": recording.lost_from})

@@ -21,7 +21,7 @@ from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.recognition import Classes
 from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, Remembered, State, Step, Teacher, Told, Tried, commands
-from kinespace.stream.teaching.examples import Check, Roster, TaughtWindows, checked, held
+from kinespace.stream.teaching.examples import Roster, TaughtWindows, checked, held
 from kinespace.stream.teaching.movement import STILLNESS
 from kinespace.tools.cli.console import say
 from kinespace.tools.teaching.roster_file import RosterFile
@@ -259,8 +259,6 @@ class RosterOpener:
         #: What is to be done in the caller's thread; each call gives notices.
         self._results: queue.SimpleQueue[Callable[[], Told]] = queue.SimpleQueue()
         self._ending = threading.Event()
-        #: The roster that was opened last.
-        self._before: WindowIndex | None = None
         self._thread = threading.Thread(target=self._work, name="kinespace teaching", daemon=True)
         self._thread.start()
 
@@ -297,7 +295,7 @@ class RosterOpener:
 
     def _opened(self, changes: Sequence[Change], roster: Roster) -> bool:
         """Open a roster and check the examples that came with it; say whether it could be opened."""
-        last = changes[-1]
+        last, before = changes[-1], self._windows.courses
         try:
             index = self._windows.index_of(roster)
             if index is not None:
@@ -311,20 +309,15 @@ class RosterOpener:
                 self._results.put(lambda: [State("", Step.REFUSED, 0.0, reason)])
             return False
         self._results.put(partial(self._exchange, roster, index))
-        numbers = {each.number for each in roster.examples}
+        named = {each.number: each.class_name for each in roster.examples}
         for each in changes:
             if each.number and not self._ending.is_set():
-                known = index if each.number in numbers else None
-                check = self._checked(each, known) if known else None
+                known = index if each.number in named else None
+                is_nothing = named.get(each.number) == NOTHING
+                check = (held(before, known) if is_nothing else checked(known, each.number)) if known else None
                 tried = self._tried(each, known) if known else Tried()
                 self._results.put(partial(self._teacher.checked, each.number, check, tried))
-        self._before = index
         return True
-
-    def _checked(self, change: Change, index: WindowIndex) -> Check | None:
-        """Check an example; one of `nothing`, whether a gesture is in it."""
-        is_nothing = any(each.number == change.number and each.class_name == NOTHING for each in change.roster.examples)
-        return held(self._before, index) if is_nothing else checked(index, change.number)
 
     def _tried(self, change: Change, index: WindowIndex) -> Tried:
         """Count how often the new class would have been said in the performer's last minutes, or in their first part.

@@ -471,7 +471,7 @@ def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]])
         roc_area([np.zeros(0)], [np.ones(2)]),
         roc_area([np.ones(3)], [], persons=(["ann"], [])),
     ],
-    ids=lambda figure: f"{figure}"[:30],
+    ids=["ratio", "ratio of zeros", "percentile", "nothing lower", "nothing higher", "by person"],
 )
 def test_of_nothing_there_is_no_figure(figure: Figure) -> None:
     """Without units, or with empty ones, there is neither a figure nor an interval: None, not zero."""

@@ -174,8 +174,14 @@ def test_nothing_that_holds_a_gesture_is_told(tmp_path: Path) -> None:
         _teach(stage, 20 * count, name, class_name)
         stage.until(lambda heard, count=count: heard.steps().count(Step.DONE) == count)  # type: ignore[misc]
     _, good, bad = (each.words for each in stage.heard.of(Taught))
-    assert (good, bad) == ("good", "my squat is in it: undo it, and move without your gestures")
+    assert (good, bad) == ("good", told := "my squat is in it: undo it, and move without your gestures")
+    stage.command(commands.Undo())
     stage.lessons.close()
+    again = Stage(tmp_path / "mine.npz", None)
+    _teach(again, 20, "nothing", "squat1Reps")
+    again.until(lambda heard: Step.DONE in heard.steps())
+    assert [each.words for each in again.heard.of(Taught)] == [told]
+    again.lessons.close()
 
 
 @pytest.mark.slow

@@ -179,6 +179,7 @@ class Comparer(NamedTuple):
         Where the windows of each person in each class start, and where the last ones end, shape (starts + 1,).
     persons
         For each class the places of its persons among `starts`, filled up with the last, shape (classes, persons).
+        One person's class has this person twice.
     eigenvectors, classes
         The leading eigenvectors, shape (directions, windows), and where each class's windows start, shape (classes,).
     likelihood
@@ -224,7 +225,7 @@ class Comparer(NamedTuple):
         persons = np.full((of_class.max() + 1, most), len(starts) - 1)
         for place, row in enumerate(persons):
             places = np.flatnonzero(of_class == place)
-            row[: len(places)] = places
+            row[: max(len(places), 2)] = places
         return cls(
             weighing,
             windows,
@@ -302,8 +303,8 @@ def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> 
     least[..., :-1] = np.minimum.reduceat(numbers, starts[:-1], axis=-1)
     by_person = least.take(persons, axis=-1)
     by_person.partition(1, axis=-1)
-    first, second = by_person[..., 0], by_person[..., 1]
-    return (first + np.where(np.isfinite(second), second, first)) / 2
+    both: Numbers = (by_person[..., 0] + by_person[..., 1]) / 2
+    return both
 
 
 def _squares(vectors: Floats) -> Floats:

@@ -362,13 +362,12 @@ class Performers(Present[_Performer]):
         """
         newest = {each.performer: each.time for each in events if isinstance(each, Frame)} if newest_only else {}
         answers: list[Recognition | None] = [None] * len(events)
-        #: The places of the frames that are answered together: only in overload, because numbers are rounded otherwise
-        #: beside others.
-        waiting, together = dict[str, tuple[int, Due]](), _TOGETHER if newest_only else 1
+        #: The places of the frames that are answered together.
+        waiting = dict[str, tuple[int, Due]]()
         for place, event in enumerate(events):
             # Nothing else happens to a performer before it is answered, and whoever begins may make another one leave.
             name = event.performer
-            if len(waiting) >= together or (waiting and (name in waiting or name not in self._here)):
+            if len(waiting) >= _TOGETHER or (waiting and (name in waiting or name not in self._here)):
                 _answer(waiting, answers)
             if isinstance(event, Announcement):
                 self.announce(event, arrival)

@@ -4,7 +4,7 @@ import math
 import socket
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from dataclasses import astuple, fields, is_dataclass
 from types import UnionType
 from typing import Any, TypeVar
 
@@ -159,11 +159,23 @@ def pushed(recognizer: Recognizer, frames: Iterable[Frame]) -> list[Recognition]
     return [answer for frame in frames if (answer := recognizer.push(frame)) is not None]
 
 
-def assert_same(first: Sequence[Recognition], second: Sequence[Recognition], *others: str) -> None:
-    """Demand the same answers, bit for bit, but for some fields."""
+def assert_same(first: Sequence[Recognition], second: Sequence[Recognition], *others: str, within: float = 0.0) -> None:
+    """Demand the same answers, bit for bit or within a share of each number, but for some fields."""
     assert len(first) == len(second) > 0
     for one, other in zip(first, second, strict=True):
-        assert one.scores.tobytes() == other.scores.tobytes()
         for each in fields(Recognition):
-            if each.name not in {"scores", *others}:
-                assert getattr(one, each.name) == getattr(other, each.name), each.name
+            if each.name not in others:
+                _assert_near(getattr(one, each.name), getattr(other, each.name), within)
+
+
+def _assert_near(one: object, other: object, within: float) -> None:
+    if isinstance(one, tuple):
+        assert isinstance(other, tuple)
+        for first, second in zip(one, other, strict=True):
+            _assert_near(first, second, within)
+    elif is_dataclass(one) and is_dataclass(other) and not isinstance(one, type) and not isinstance(other, type):
+        _assert_near(astuple(one), astuple(other), within)
+    elif isinstance(one, float | np.ndarray):
+        np.testing.assert_allclose(one, other, rtol=within, atol=within)
+    else:
+        assert one == other

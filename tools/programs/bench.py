@@ -32,7 +32,7 @@ from kinespace.tools.programs import latency
 #: Frames per second of the feeds.
 FRAME_RATE = 120.0
 #: Performers whose frames come all at once, to see how many a core holds: frames do so that wait for a full core.
-CROWD = 40
+CROWD = 20
 
 
 def positions() -> NDArray[np.float32]:
@@ -258,7 +258,7 @@ def measure_sockets(seconds: float) -> Measured:
         "lost_360": sum(each.lost for each in latencies if each.rate_hz == 360.0),
         "performers_at_120hz": performers_a_core(loads["osc", False][0]),
     }
-    title = f"Performers at 120 Hz that one core holds,\nby its time for {CROWD} whose frames come at once"
+    title = f"Performers at 120 Hz that one core holds,\nby its time for {CROWD} at once (-: answers are missing)"
     rows = [
         (transport + " echo" * echo, shown(core_us, 1), shown(performers_a_core(core_us)), f"{missing}")
         for (transport, echo), (core_us, missing) in loads.items()

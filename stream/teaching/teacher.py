@@ -454,7 +454,8 @@ class Teacher:
         self.skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
         self._memories: dict[str, Memory] = {}
         self.named = NamedMotions()
-        self._before: list[Roster] = []
+        #: The rosters before each change, and what it changed.
+        self._before: list[tuple[Roster, str]] = []
         #: The performers of the examples shown here, and when, on their clocks.
         self._shown: dict[int, tuple[str, Stretch]] = {}
         self._number = roster.next_number
@@ -605,7 +606,10 @@ class Teacher:
         else:
             around = memory.unbroken(motion.around(memory.newest), motion.started)
             notices = self._take(performer, NOTHING, around, trims=False)
-            self._wrong |= {number} if self._number > number else set()
+            if self._number > number:
+                self._wrong.add(number)
+                seconds = self.roster.examples[-1].seconds
+                notices[-1] = State(performer, Step.CHECKING, seconds, f"{motion.class_name} was wrong")
         motion.is_right, motion.number = False, number if self._number > number else 0
         return notices
 
@@ -644,7 +648,7 @@ class Teacher:
         self._shown[number] = performer, whole
         cut = clip.duration - example.seconds
         trimming = f"{kept.start:.2f} to {kept.end:.2f} of {clip.duration:.2f} s kept" if cut > _TRIMMED else ""
-        self._before.append(self.roster)
+        self._before.append((self.roster, f"an example of {class_name}"))
         self.roster = self.roster.with_example(example)
         return [Changed(self.roster, number), State(performer, Step.CHECKING, example.seconds, trimming)]
 
@@ -660,17 +664,17 @@ class Teacher:
         return self._went(lesson, lesson.stop(by_hand=True))
 
     def _change(self, roster: Roster, change: str) -> Told:
-        self._before.append(self.roster)
+        self._before.append((self.roster, change))
         self.roster = roster
         return [Changed(roster), State("", Step.DONE, 0.0, change)]
 
     def _undo(self) -> Told:
         if not self._before:
             return [_refused("", "nothing to undo")]
-        self.roster = self._before.pop()
+        self.roster, change = self._before.pop()
         examples, classes = len(self.roster.examples), len(self.roster.classes)
-        now = f"{examples} example{'s' if examples != 1 else ''} of {classes} class{'es' if classes != 1 else ''}"
-        return [Changed(self.roster), State("", Step.DONE, 0.0, now)]
+        left = f"{examples} example{'s' if examples != 1 else ''} of {classes} class{'es' if classes != 1 else ''}"
+        return [Changed(self.roster), State("", Step.DONE, 0.0, f"undone: {change}; {left}")]
 
     def _present(self, name: str, now: float) -> str | None:
         """Find a performer who is present; without a name the performer whose frame came last."""

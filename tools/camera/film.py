@@ -183,7 +183,8 @@ def _require(source: str) -> None:
     elif "://" not in source:
         path = Path(source)
         if path.is_dir() or not path.exists():
-            raise FileNotFoundError(f"{source}: expected a film, got {'a folder' if path.is_dir() else 'no such file'}")
+            got = "a folder" if path.is_dir() else "no such file or folder"
+            raise FileNotFoundError(f"{source}: expected a film, got {got}")
         if not os.access(path, os.R_OK):
             raise PermissionError(f"{source}: this user may not read it")
 

@@ -6,6 +6,7 @@ module of the program that is asked for is imported.
 """
 
 import argparse
+import errno
 import math
 import re
 import sys
@@ -90,7 +91,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _one_line(error: Exception) -> str:
     said = str(error)
     if isinstance(error, OSError) and error.strerror:
-        said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        why = "no such file or folder" if error.errno == errno.ENOENT else error.strerror
+        said = f"{error.filename}: {why}" if error.filename else why
     several = isinstance(error, ValueError) and not isinstance(error, UnicodeError)
     lines = [printable(" ".join(str(each).split())) for each in (error.args if several else (said,))]
     # A file's own words, or its name, may be of any length: both ends say the most.
@@ -123,6 +125,7 @@ class _Parser(argparse.ArgumentParser):
         """End with status 2 and the mistake."""
         if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             message += meant(choice[1], re.findall(r"[^\s',]+", choice[2]))
+        message = message.replace("invalid int value:", "expected a whole number, got")
         line = f"{self.prog}: error: {message}; {self.prog} --help lists all options"
         self.exit(2, f"{printable(line)}\n")
 

@@ -161,7 +161,7 @@ def drawn(library: MotionLibrary, everyday: Sequence[Clip], options: argparse.Na
             own[motion.class_name].append(motion)
     possible = [name for name, motions in own.items() if len(motions) > options.examples]
     if len(possible) < options.gestures:
-        most = f"{len(possible)}, of which {performer} has more than {options.examples} motions"
+        most = f"{len(possible)} (classes of which {performer} has more motions than --examples)"
         raise ValueError(f"--gestures: expected at most {most}, got {options.gestures}")
     examples, asked = list["Clip"](), list["Clip"]()
     gestures = [possible[place] for place in generator.permutation(len(possible))[: options.gestures]]

@@ -185,7 +185,8 @@ def _listed(table: Path) -> Iterator[_Entry]:
         rows = csv.DictReader(lines_of(table, memory.MAX_WITHOUT_MOTION))
         missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
         if missing:
-            raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
+            got = f"none called {', '.join(missing)}"
+            raise LabelError(f"{table}: expected the columns {', '.join(_COLUMNS)}, got {got}")
         for row in rows:
             contains, perhaps = _names(row["contains"]), _names(row["perhaps"])
             if not row["file"]:

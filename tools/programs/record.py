@@ -50,4 +50,5 @@ def run(options: argparse.Namespace) -> None:
         f"{output}: {writer.written} packets, {output.stat().st_size / 1e6:.2f} MB; "
         f"{writer.failed} could not be written, {counts.overrun} were lost by the system before they came here"
         + (f", {counts.broken} connections broke (messages too large or too many?)" if counts.broken else "")
+        + ("" if writer.written else f"; nothing came: does the sender send to {names}?")
     )

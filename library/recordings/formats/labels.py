@@ -172,7 +172,7 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
         got = "frame numbers: divide them by the take's frames per second"
         raise LabelError(f"{path}: expected start_s,end_s,label, got {got}")
     if missing:
-        raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, no {', '.join(missing)} in it")
+        raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, got none called {', '.join(missing)}")
     for row in rows:
         start, end, label = row["start_s"] or "", row["end_s"] or "", row["label"]
         # Audacity writes a label's frequencies in a line of their own, and marks moments, too.

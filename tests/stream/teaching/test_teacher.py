@@ -133,6 +133,7 @@ def test_undo_without_end() -> None:
         rosters.append(stage.teacher.roster)
     assert [[each.class_name for each in roster.examples] for roster in rosters] == [[], ["bow"], ["bow"], ["wave"], []]
     assert rosters[1].disabled == {"squat1Reps"}
+    assert stage.reason() == "undone: an example of wave; 0 examples of 0 classes"
     assert stage.ask(commands.Undo())[0] == State("", Step.REFUSED, 0.0, "nothing to undo")
 
 
@@ -346,6 +347,7 @@ def test_the_last_named_motion_becomes_an_example(command: commands.Command, cla
     assert stage.teacher.roster.examples == ()
     stage.ask(commands.Wrong("ann"))
     assert [each.class_name for each in stage.teacher.roster.examples] == ["nothing"]
+    assert stage.reason() == "squat1Reps was wrong"
 
 
 def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:

@@ -33,7 +33,7 @@ def test_the_command_tells_its_version() -> None:
 @pytest.mark.parametrize(
     ("error", "line"),
     [
-        (FileNotFoundError(2, "No such file or directory", "a.npz"), "kinespace: a.npz: No such file or directory\n"),
+        (FileNotFoundError(2, "No such file or directory", "a.npz"), "kinespace: a.npz: no such file or folder\n"),
         (OSError(98, "127.0.0.1:9310: Address already in use"), "kinespace: 127.0.0.1:9310: Address already in use\n"),
         (OSError("all gone"), "kinespace: all gone\n"),
         (ValueError("a: expected b,\n  got c"), "kinespace: a: expected b, got c\n"),

@@ -111,7 +111,7 @@ def test_labels_of_every_kind_are_read(tmp_path: Path, kind: str) -> None:
 
 
 _NEITHER = ".*: expected annotations of ELAN or events of BORIS"
-_COLUMNS = ": expected the columns start_s, end_s, label, no"
+_COLUMNS = ": expected the columns start_s, end_s, label, got none called"
 #: Files that make no sense, and what is said behind their name: the line is an editor's.
 WRONG: list[tuple[str, str | bytes, str]] = [
     *(
@@ -123,7 +123,7 @@ WRONG: list[tuple[str, str | bytes, str]] = [
             ("4,3,wave", "segment: expected 0 <= start < end, got 4.0 to 3.0"),
         )
     ),
-    ("take.csv", "", f"{_COLUMNS} start_s, end_s, label in it"),
+    ("take.csv", "", f"{_COLUMNS} start_s, end_s, label"),
     ("take.csv", "start_s,end_s\n0,1\n", f"{_COLUMNS} label"),
     ("take.csv", b"PK\x03\x04\xff\xfe\x00", ": expected the columns"),
     *(("take.csv", HEADER + rows, ": no segment in it") for rows in ("", "3,4, \n")),
@@ -132,7 +132,7 @@ WRONG: list[tuple[str, str | bytes, str]] = [
     ("take.csv", HEADER + "0,1," + "a" * 200_000 + "\n", ": expected a CSV, as"),
     ("take.txt", "0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: could not convert string to float: 'x'"),
     ("take.txt", "0.5\t1.5\twave\n3.0\t2.0\tbow\n", ":2: segment: expected 0 <= start < end, got 3.0 to 2.0"),
-    ("take.txt", "100\t200\t300\t4\n", f"{_COLUMNS} start_s, end_s, label in it"),
+    ("take.txt", "100\t200\t300\t4\n", f"{_COLUMNS} start_s, end_s, label"),
     ("take.eaf", "<a", _NEITHER),
     ("take.eaf", _ELAN.replace('"b"', '"c"', 1), _NEITHER),
     ("take.eaf", _ELAN.replace("500", "5000"), ".*expected 0 <= start < end"),

@@ -604,10 +604,10 @@ def test_frames_go_in_and_answers_come_out(builtin: MotionLibrary) -> None:
             waiting.connect(address, max_queue=None) as client,
             waiting.connect(address, origin=Origin(EDITOR), max_queue=None) as other,
         ):
-            client.send("no frame")
             danced(client, builtin.skeleton.joints)
             assert heard(other, "event", performer="ann", event="start", **{"class": "squat1Reps"})
-            assert heard(client, "status")["inputs"]["foreign"] == 1
+            client.send("no frame")
+            assert until(lambda: heard(client, "status")["inputs"]["foreign"] == 1)
             assert set(heard(client, "classes")["classes"]) == set(builtin.classes)
             assert program.interrupt() == 0
         assert "a page opened as a file was refused: --ws-origin null lets it in" in program.errors

@@ -689,13 +689,13 @@ def _trcs() -> dict[str, Kind]:
 # --- BVH -------------------------------------------------------------------------------------------------------------
 
 
-def _bvh_body(*, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
+def _bvh_body(*, moves: bool = False, metres: float = 1.0) -> tuple[Node, NDArray[np.float64]]:
     """Give a hierarchy of the body's joints, and frames of small turns; every joint may have position channels."""
     above = dict(zip(NAMES[1:], (0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13, 14), strict=True))
     nodes = [
         Node(
             NAMES[index],
-            tuple(BODY[0, index] - (BODY[0, above[NAMES[index]]] if index else 0)),
+            tuple((BODY[0, index] - (BODY[0, above[NAMES[index]]] if index else 0)) / metres),
             (*MOVES, *TURNS) if moves or not index else TURNS,
         )
         for index in range(16)
@@ -704,17 +704,21 @@ def _bvh_body(*, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
         nodes[above[NAMES[index]]].children.append(nodes[index])
     for node in nodes:
         if not node.children:
-            node.children.append(Node(f"{node.name}_end", (0.0, 0.1, 0.0)))
+            node.children.append(Node(f"{node.name}_end", (0.0, 0.1 / metres, 0.0)))
     channels = [name for node in nodes[0].all() for name in node.channels]
     frames = np.random.default_rng(4).uniform(-20, 20, (len(BODY), len(channels)))
     frames[:, [name in MOVES for name in channels]] = 0.0
-    frames[:, :3] = 0.1, 1.0, 0.2
+    frames[:, :3] = 0.1 / metres, 1.0 / metres, 0.2 / metres
     return nodes[0], np.round(frames, 4)
 
 
+def _bvh_in(metres: float) -> str:
+    root, frames = _bvh_body(metres=metres)
+    return bvh_text(root, frames.tolist(), period="0.0166667")
+
+
 def _bvhs() -> dict[str, Kind]:
-    root, frames = _bvh_body()
-    plain = bvh_text(root, frames.tolist(), period="0.0166667")
+    plain = _bvh_in(1.0)
     moving, moved = _bvh_body(moves=True)
     still = bvh_text(moving, moved.tolist(), period="0.0166667")
     glitch, noise = moved.copy(), moved.copy()
@@ -736,6 +740,8 @@ def _bvhs() -> dict[str, Kind]:
     twice = plain.replace("MOTION", plain.removeprefix("HIERARCHY\n").partition("MOTION")[0] + "MOTION")
     texts = {
         "plain": (plain, {}),
+        "inches": (_bvh_in(0.0254), {}),
+        "Acclaim's unit": (_bvh_in(0.0254 / 0.45), {}),
         "a frame more": (plain.replace("Frames: 48", "Frames: 47"), {"tells": "the header says 47, there are 48"}),
         "a frame less": (plain.replace("Frames: 48", "Frames: 100"), {"tells": "the header says 100, there are 48"}),
         "the last line is cut": (plain[:-40], {"tells": "cut off", "frames": slice(-1)}),

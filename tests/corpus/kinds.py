@@ -925,6 +925,7 @@ def _c3ds() -> dict[str, Kind]:
         "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),
         "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {"tells": "without a name"}),
         "more points in the header, and matrices behind": (_at(2, b"\x54\0", _theia(NAMES)), {}),
+        "more events than the header has places": (_at(300, b"\x39\x30"), {}),
         "no points in the header": (_at(2, b"\0\0"), {}),
         "fewer labels than points": (c3d().replace(b"\xff\x02\x0c\x10", b"\xff\x02\x0c\x0e"), {"tells": "2 without a name", "lacking": NAMES[14:]}),
         "no labels": (c3d().replace(b"\xff\x02\x0c\x10", b"\xff\x02\x0c\x00"), {"names": tuple(f"*{number}" for number in range(1, 17))}),

@@ -133,15 +133,17 @@ def _several_rows(names: Sequence[str], axes: Sequence[str], lead: Sequence[Sequ
     return _lines([[*lead[0], *over], [*lead[1], *axes * len(names)]])
 
 
-def _motive() -> str:
-    """Motive 2 and 3: seven rows, a rotation before each position, and a marker of the skeleton behind the bones."""
+def _motive(of: str = "Bone", who: str = "Ann:", markers: Sequence[str] = ("Ann:WaistLFront",)) -> str:
+    """Motive 2 and 3: seven rows, a rotation before each position, and markers of the skeleton behind the bones."""
     kinds = (("Rotation", "XYZW"), ("Position", "XYZ"))
-    columns = [(f"Ann:{name}", kind, axis) for name in NAMES for kind, axes in kinds for axis in axes]
-    columns += [("Ann:WaistLFront", "Position", axis) for axis in "XYZ"] + [("Ann:WaistLFront", "Marker Quality", "")]
+    columns = [(f"{who}{name}", kind, axis) for name in NAMES for kind, axes in kinds for axis in axes]
+    columns += [
+        (name, "Position", axis) if axis else (name, "Marker Quality", "") for name in markers for axis in (*"XYZ", "")
+    ]
     head = "Format Version,1.23,Take Name,Take 1,Capture Frame Rate,60.000000,Export Frame Rate,60.000000,Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\n\n"
     head += _lines(
         [
-            ["", "Type", *["Bone"] * 7 * len(NAMES), *["Bone Marker"] * 4],
+            ["", "Type", *[of] * 7 * len(NAMES), *[f"{of} Marker"] * 4 * len(markers)],
             ["", "Name", *(name for name, _, _ in columns)],
             ["", "ID", *(f"{sum(map(ord, name)):032X}" for name, _, _ in columns)],
             ["", "", *(kind for _, kind, _ in columns)],
@@ -149,18 +151,14 @@ def _motive() -> str:
         ]
     )
     bones = np.concatenate([np.broadcast_to((0.1, 0.2, 0.3, 0.9), (48, 16, 4)), BODY], axis=2).reshape(48, -1)
-    marker = np.broadcast_to((5.0, 5.0, 6.0, 1.0), (48, 4))
-    return head + _frames(np.hstack([bones, marker]), lambda place: f"{place},{place / RATE:.6f}")
+    places = np.broadcast_to((5.0, 5.0, 6.0, 1.0) * len(markers), (48, 4 * len(markers)))
+    return head + _frames(np.hstack([bones, places]), lambda place: f"{place},{place / RATE:.6f}")
 
 
-def _motive_markers() -> str:
-    """Motive's markers alone: names, numbers and kinds stand thrice."""
-    rows = (
-        ("Type", ["Marker"] * 16),
-        ("Name", [f"Ann:{name}" for name in NAMES]),
-        ("ID", ["7"] * 16),
-        ("", ["Position"] * 16),
-    )
+def _motive_markers(names: Sequence[str] = NAMES, who: str = "Ann", ids: Sequence[str] = ("7",) * 16) -> str:
+    """Motive's markers alone: names, numbers and kinds stand thrice; where these differ a row of bodies is among them."""
+    rows = [("Type", ["Marker"] * 16), ("Name", [f"{who}:{name}" for name in names]), ("ID", ids)]
+    rows += [*[("Parent", [who] * 16)] * (len({*ids}) > 1), ("", ["Position"] * 16)]
     head = "".join(",".join(["", title, *(cell for cell in cells for _ in "xyz")]) + "\n" for title, cells in rows)
     axes = ",".join(["Frame", "Time (Seconds)", *"XYZ" * 16])
     return f"Format Version,1.23,Length Units,Meters\n\n{head}{axes}\n" + _frames(
@@ -177,13 +175,14 @@ def _results() -> str:
     )
 
 
-def _rigid() -> str:
+def _rigid(measured_as: str = "") -> str:
     """Motive's rigid bodies: each of their markers stands there as the body's, and as it was measured."""
     names = [f"{who}:Marker {number}" for who in ("Front", "Back") for number in (1, 2)]
+    names += [measured_as.format(number) or name for number, name in enumerate(names)]
     rows = (
         ("", "Type", *["Rigid Body Marker"] * 12, *["Marker"] * 12),
-        ("", "Name", *(name for name in 2 * names for _ in "xyz")),
-        ("", "ID", *(f'"{sum(map(ord, name)):X}{n // 4}"' for n, name in enumerate(2 * names) for _ in "xyz")),
+        ("", "Name", *(name for name in names for _ in "xyz")),
+        ("", "ID", *(f'"{sum(map(ord, name)):X}{n // 4}"' for n, name in enumerate(names) for _ in "xyz")),
         ("", "", *["Position"] * 24),
         ("Frame", "Time (Seconds)", *"XYZ" * 8),
     )
@@ -424,6 +423,9 @@ def _tables() -> dict[str, Kind]:
         "the last line is cut": (table()[:-60], {"frames": slice(-1), "tells": "cut off"}),
         "Motive": (_motive(), {}),
         "Motive's markers by number": (_motive_markers(), {}),
+        "Motive's markers of a body called by a number": (_motive_markers(who="763", ids=[f"{n:X}:73CB" for n in range(16)]), {}),
+        "Motive's markers, two without a name": (_motive_markers([*NAMES[:14], *["Unlabeled 1189"] * 2], ids=[str(n) for n in range(16)]), {"tells": "2 without a name", "lacking": NAMES[14:]}),
+        "Motive's rigid bodies and their markers": (_motive("Rigid Body", "", [f"{name}:Marker {n}" for name in NAMES for n in (1, 2)]), {}),
         "Motive's markers without titles": (re.sub("(?m)^,(Type|Name|ID)", ",", _motive_markers()).replace(",7", "".join(f",{number}" for number in range(1, 17) for _ in "xyz"), 1).replace(",7", ""), {}),
         "results, angles first": (_results(), {"rate": 30.0, "tells": "frame numbers"}),
         "Vicon Nexus": (_vicon(), {}),
@@ -442,6 +444,7 @@ def _tables() -> dict[str, Kind]:
         "SMPTE with ;": (_in_front("Frame,Time,", lambda n, _: f"{n},10:00:{(n + 30) // 60:02};{(n + 30) % 60:02},"), {}),
         "dates of America": (_in_front("timestamp,", lambda _, t: f"05/01/2024 12:59:{59.5 + t if t < 0.5 else 0:09.6f} PM,".replace("12:59:00.000000", f"01:00:{t - 0.5:09.6f}")), {}),
         "dates of Germany": (_in_front("timestamp,", lambda _, t: f"01;05;2024 10:00:{t:09.6f},").replace(",", "|").replace(".", ",").replace(";", "."), {}),
+        "pandas, the times named below": (_several_rows(NAMES, "xyz", (["joint"], ["axis"]), "every") + "time" + "," * 48 + "\n" + _frames(BODY, lambda place: f"{place / RATE:.6f}"), {}),
         "times of pandas": (table(times=[f"0 days 00:00:{time:09.6f}" for time in TIMES]), {}),
         "midnight": (table(clock="date,time", times=[f"05/0{1 + (time >= 0.4)}/2024,{'00:00' if time >= 0.4 else '23:59'}:{(time + 59.6) % 60:07.4f}" for time in TIMES]), {}),
         "takes joined": (_in_front("time,", lambda n, _: f"{n % 24 / RATE:.4f},"), {"tells": "starts again behind frame 24"}),
@@ -583,6 +586,7 @@ def _tables() -> dict[str, Kind]:
         "names over axes with a unit": (",".join(["time", *(name for name in NAMES for _ in "xyz")]) + "\ns," + ",".join(["X (mm)", "Y (mm)", "Z (mm)"] * 16) + "\n" + _frames(1000 * BODY, lambda place: f"{place / RATE:.6f}"), {}),
         "points of thousands": (re.sub(r"\.(\d)\d*", r".123.\g<1>00", table()), {"reads": False, "tells": "a spreadsheet"}),
         "rigid bodies of Motive": (_rigid(), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2]}),
+        "rigid bodies of Motive beside markers of nobody": (_rigid("Unlabeled {}"), {"names": ("Marker 1", "Marker 2"), "people": ("Front", "Back"), "body": _PELVIS[:, :2], "near": 8e-3, "tells": "4 without a name"}),
         "axes behind a number": (table(head=lambda name, axis: f"m{NAMES.index(name):03}{axis}", more=[(f"m{n:03}c", 1) for n in range(16)]), {"names": tuple(f"m{n:03}" for n in range(16))}),
         "BTS": ("BTS ASCII format\n\nType:\tPoint 3D tracks\nMeasure unit:\tm\n\nTracks:\t16\nFrequency:\t60 Hz\nFrames:\t48\n\nFrame\t" + table(clock="Time", mark="\t", head=lambda name, axis: f"{name}.{axis.upper()}").replace("\n", "\n1\t").removesuffix("1\t"), {"ending": "emt"}),
         "sensors by number": (_long("{frame},{id},{x:.4f},{y:.4f},{z:.4f},1,2,3").replace("frame,id,x,y,z,1,2,3", "Frame,Sensor,X,Y,Z,Az,El,Ro"), {"names": tuple(map(str, range(16))), "rate": 30.0, "tells": "frame numbers"}),
@@ -685,13 +689,13 @@ def _trcs() -> dict[str, Kind]:
 # --- BVH -------------------------------------------------------------------------------------------------------------
 
 
-def _bvh_body(*, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
+def _bvh_body(*, moves: bool = False, metres: float = 1.0) -> tuple[Node, NDArray[np.float64]]:
     """Give a hierarchy of the body's joints, and frames of small turns; every joint may have position channels."""
     above = dict(zip(NAMES[1:], (0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13, 14), strict=True))
     nodes = [
         Node(
             NAMES[index],
-            tuple(BODY[0, index] - (BODY[0, above[NAMES[index]]] if index else 0)),
+            tuple((BODY[0, index] - (BODY[0, above[NAMES[index]]] if index else 0)) / metres),
             (*MOVES, *TURNS) if moves or not index else TURNS,
         )
         for index in range(16)
@@ -700,17 +704,21 @@ def _bvh_body(*, moves: bool = False) -> tuple[Node, NDArray[np.float64]]:
         nodes[above[NAMES[index]]].children.append(nodes[index])
     for node in nodes:
         if not node.children:
-            node.children.append(Node(f"{node.name}_end", (0.0, 0.1, 0.0)))
+            node.children.append(Node(f"{node.name}_end", (0.0, 0.1 / metres, 0.0)))
     channels = [name for node in nodes[0].all() for name in node.channels]
     frames = np.random.default_rng(4).uniform(-20, 20, (len(BODY), len(channels)))
     frames[:, [name in MOVES for name in channels]] = 0.0
-    frames[:, :3] = 0.1, 1.0, 0.2
+    frames[:, :3] = 0.1 / metres, 1.0 / metres, 0.2 / metres
     return nodes[0], np.round(frames, 4)
 
 
+def _bvh_in(metres: float) -> str:
+    root, frames = _bvh_body(metres=metres)
+    return bvh_text(root, frames.tolist(), period="0.0166667")
+
+
 def _bvhs() -> dict[str, Kind]:
-    root, frames = _bvh_body()
-    plain = bvh_text(root, frames.tolist(), period="0.0166667")
+    plain = _bvh_in(1.0)
     moving, moved = _bvh_body(moves=True)
     still = bvh_text(moving, moved.tolist(), period="0.0166667")
     glitch, noise = moved.copy(), moved.copy()
@@ -732,6 +740,8 @@ def _bvhs() -> dict[str, Kind]:
     twice = plain.replace("MOTION", plain.removeprefix("HIERARCHY\n").partition("MOTION")[0] + "MOTION")
     texts = {
         "plain": (plain, {}),
+        "inches": (_bvh_in(0.0254), {}),
+        "Acclaim's unit": (_bvh_in(0.0254 / 0.45), {}),
         "a frame more": (plain.replace("Frames: 48", "Frames: 47"), {"tells": "the header says 47, there are 48"}),
         "a frame less": (plain.replace("Frames: 48", "Frames: 100"), {"tells": "the header says 100, there are 48"}),
         "the last line is cut": (plain[:-40], {"tells": "cut off", "frames": slice(-1)}),
@@ -915,6 +925,10 @@ def _c3ds() -> dict[str, Kind]:
         "residuals of nothing beside places": (_unseen(), {"tells": "residuals"}),
         "angles that nothing lists, markers without names": (c3d(labels=[*NAMES, "LHipAngles", "RKneePower", "*12", "Unlabeled_2012", "uname*1"], positions=np.concatenate([BODY, BODY[:, :5] + 3], axis=1)), {"tells": "without a name"}),
         "more points in the header, and matrices behind": (_at(2, b"\x54\0", _theia(NAMES)), {}),
+        "more events than the header has places": (_at(300, b"\x39\x30"), {}),
+        "no points in the header": (_at(2, b"\0\0"), {}),
+        "fewer labels than points": (c3d().replace(b"\xff\x02\x0c\x10", b"\xff\x02\x0c\x0e"), {"tells": "2 without a name", "lacking": NAMES[14:]}),
+        "no labels": (c3d().replace(b"\xff\x02\x0c\x10", b"\xff\x02\x0c\x00"), {"names": tuple(f"*{number}" for number in range(1, 17))}),
         "Theia's matrices": (_theia(), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip

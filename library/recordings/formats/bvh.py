@@ -400,7 +400,7 @@ def _clip(motion: BvhMotion, metres_per_unit: float | None, joints: Sequence[str
     positions = forward_kinematics(motion)[:, kept]
     if not np.isfinite(positions).all():
         raise ValueError("expected places of joints, got numbers too large to compute with")
-    positions *= metres_per_unit or guessed_metres(positions)
+    positions *= metres_per_unit or guessed_metres(positions, names)
     turns = [name[0] == "r" for joint in motion.joints for name in joint.channels]
     return Clip(
         skeleton=skeleton,

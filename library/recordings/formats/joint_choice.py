@@ -57,7 +57,8 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
         As they stand in the file.
     wanted
         Names or patterns with `*` and `?`. A pattern fits a whole label, or the part after the label's last colon
-        (`LHip` fits `ann:LHip`). All labels when empty, but those that stand for none (`*12`, `Unlabeled 2012`).
+        (`LHip` fits `ann:LHip`). All labels when empty, but those that stand for none (`*12`, `Unlabeled 2012`) where
+        others name two.
 
     Returns
     -------
@@ -69,7 +70,8 @@ def chosen(labels: Sequence[str], wanted: Sequence[str]) -> list[int]:
         A wanted name fits no label.
     """
     if not wanted:
-        return [index for index, label in enumerate(labels) if not _UNNAMED.fullmatch(_after_colon(label))]
+        those = [index for index, label in enumerate(labels) if not _UNNAMED.fullmatch(_after_colon(label))]
+        return those if len(those) > 1 else [*range(len(labels))]
     found = set[int]()
     for pattern in wanted:
         named = enumerate(zip(labels, map(_after_colon, labels), strict=True))

@@ -519,11 +519,9 @@ def _read(path: Path) -> _Table:
 def _turned(path: Path, table: _Table) -> _Table:
     """Make a table whose rows are frames of one whose rows are joints or coordinates."""
     head = table.header
-    values = (
-        [*head.joints[""]]
-        if head.joints
-        else [each for each in head.free if is_value(head.names[each]) and number_of(table.first[each]) is not None]
-    )
+    values = [*head.joints.get("", ())] or [
+        each for each in head.free if is_value(head.names[each]) and number_of(table.first[each]) is not None
+    ]
     clocks, people, labels = _labelled(head, table.first, [row for _, row in table.rows])
     frames, seen = dict[tuple[int, str], tuple[int, list[str], dict[str, list[str]]]](), Counter[tuple[str, str]]()
     for (line, row), label in zip(table.rows, labels, strict=True):
@@ -539,9 +537,7 @@ def _turned(path: Path, table: _Table) -> _Table:
         refuse(path, table.begin, f"expected rows of two joints or more, got {', '.join(names[:3])}")
     header = replace(header, rate=head.rate, unit=head.unit)
     # Rows joint by joint, too: frames go by their time, and times that come again follow each other.
-    order = {
-        key: [key[0], *(number_of(c) or 0.0 for c in cells[: len(clocks)])] for key, (_, cells, _) in frames.items()
-    }
+    order = {key: [key[0], *(number_of(c) or 0.0 for c in each[1][: len(clocks)])] for key, each in frames.items()}
     turned = [frames[key] for key in sorted(frames, key=lambda key: order[key])]
     nothing, found = [""] * len(values), _Table(header, turned[0][1], table.begin, notes=table.notes)
     for line, cells, places in turned:

@@ -23,11 +23,10 @@ from kinespace.library.skeleton import Skeleton
 WORDS = tomllib.loads((resources.files("kinespace.library.recordings.formats") / "words.toml").read_text("utf-8"))
 #: Metres of each unit, under the names and abbreviations that files use, in lower case.
 METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for word in words}
-#: The size of a person, in the file's numbers, up to which the unit is a metre. A crouching child and a very tall
-#: person are far from this limit and the next.
-_MAX_IN_METRES = 16.0
-#: The size up to which the unit is a centimetre; beyond, it is a millimetre.
-_MAX_IN_CENTIMETRES = 500.0
+#: The size of a person, in the file's numbers, up to which the unit is one of so many metres; beyond the last it is a
+#: millimetre. A crouching child and a very tall person are far from the limits of metres and centimetres. Those between
+#: are of whole bodies, grown up: Acclaim's unit, in which CMU's recordings are, and an inch.
+_SIZES = ((16.0, 1.0), (46.0, 0.0254 / 0.45), (100.0, 0.0254), (500.0, 0.01))
 #: Frames in which the size is measured, about.
 _LOOKS = 256
 #: What is so many times farther from a body's middle than half of its joints is no part of it.
@@ -54,9 +53,10 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     """Guess the metres of a file's unit from a person's size in it; positions (frames, joints, 3), NaN where not seen.
 
     The size is the diagonal of the box around the joints, usual for the frames in which two joints or more are seen.
-    People differ less than tenfold in size, so metres, centimetres and millimetres can be distinguished. Any other unit
-    is taken for the nearest of these: distances then have another scale, which recognition does not depend on. A pelvis
-    alone, by its `names`, is a fifth of a person.
+    People differ less than tenfold in size, so metres, centimetres and millimetres can be distinguished; Acclaim's unit
+    and inches, too, where `names` tell of a head and of feet. Any other unit is taken for the nearest of these:
+    distances then have another scale, which recognition does not depend on. A pelvis alone, by its `names`, is a fifth
+    of a person.
     """
     seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
     if not len(seen):
@@ -70,9 +70,9 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
     if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
         size *= 5
-    if size <= _MAX_IN_METRES:
-        return 1.0
-    return 0.01 if size <= _MAX_IN_CENTIMETRES else 0.001
+    text = " ".join(names).lower()
+    is_whole = "head" in text and ("foot" in text or "ankle" in text)
+    return next((metres for most, metres in _SIZES if size <= most and (is_whole or metres in (1.0, 0.01))), 0.001)
 
 
 def from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

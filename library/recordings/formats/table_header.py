@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import accumulate, pairwise
+from itertools import chain, pairwise
 
 from kinespace.library.recordings.formats.errors import number_of
 from kinespace.library.recordings.formats.joint_choice import MAX_NAME, plain
@@ -124,8 +124,8 @@ def is_numbers(row: Sequence[str], *, named: bool = False) -> bool:
     """Say whether a row holds a frame: most of it are numbers, the first one too unless a name may stand there."""
     filled = [field for field in row if field.strip()]
     numbers = sum(number_of(field) is not None for field in filled)
-    begins = len(filled) > 2 and (named or filled[0].strip()[0] in "0123456789+-.,'\"")
-    # Motive numbers its markers, over each of their columns.
+    # Motive numbers its markers, over each of their columns, and bodies may be called by numbers, behind an empty cell.
+    begins = len(filled) > 2 and (bool(named and row[0]) or filled[0].strip()[0] in "0123456789+-.,'\"")
     counts = filled[:1] == ["ID"] or (filled[::3] == filled[1::3] == filled[2::3] and len({*filled}) > 1)
     return begins and not counts and numbers > 0.7 * len(filled) - 1.2
 
@@ -281,7 +281,8 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     again = _NUMBERED if above and sum(bool(_NUMBERED.search(name)) for name in row) > _FEW else _AGAIN
     found = [_AXIS.fullmatch(again.sub("", name)) for name in row]
     axes = [each[1].lower() if each and (each[2] or "").lower() not in _NO_LENGTHS else "" for each in found]
-    around = [each for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1]
+    # Motive's numbers are no names; those of several markers without a name may be one.
+    around = [each for each in above or rows[place + 1 :] if sum(map(bool, each)) > 1 and "ID" not in each[:2]]
     names = [_filled(each, len(row), axes) for each in around]
     ours = _places_among(axes, names, rows[place + 1 :] if above else [])
     if min(map(axes.count, "xyz")) < _FEW or not ours or not names:
@@ -304,8 +305,10 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
         return []
     named = _with_stars(named, around[names.index(named)], threes)
     named = _with_bodies(named, names, [(column, axes[column]) for column in ours], threes)
-    near = [*(above[-1] if above else ()), *[""] * len(row)]
-    heads = ["" if axis else cell or up.strip() for axis, cell, up in zip(axes, row, near, strict=False)]
+    # pandas names times in a row of their own, below the axes.
+    below = next((each for each in rows[place + 1 :] if not any("".join(each[c : c + 1]) for c in ours)), ())
+    near, low = ([*each, *[""] * len(row)] for each in (above[-1] if above else (), below))
+    heads = ["" if axes[c] else low[c].strip() or row[c] or near[c].strip() for c in range(len(row))]
     for column in ours:
         # Motive calls a skeleton's first bone like the skeleton.
         name, axis = _ROOT.sub(r"\1:Hip", named[column]), found[column]
@@ -355,19 +358,24 @@ def _with_stars(named: Sequence[str], row: Sequence[str], threes: Sequence[Seque
 def _places_among(axes: Sequence[str], names: Sequence[Sequence[str]], below: Sequence[Sequence[str]]) -> list[int]:
     """Choose of the columns of axes the ones of positions, by the rows of names and the rows below."""
     kinds = [each for each in names if {"position", "rotation", "joint angle"} & {name.lower() for name in each}]
-    said = {cell.lower() for each in names for cell in each}
-    # Of a skeleton's table the bones count, not the markers on them; of a rigid body's markers the measured ones.
-    spare = {"rigid body marker"} if "marker" in said else set[str]()
-    spare = {"marker", "bone marker", "rigid body"} if "bone" in said else spare
-    return [
+    over = [{each[column].lower() for each in names} for column in range(len(axes))]
+    ours = [
         column
         for column, axis in enumerate(axes)
         if axis
         and not any(_NO_PLACES & {*words_of(each[column])} for each in kinds)
         # Degrees and newtons are no positions.
         and not any(cell.strip() and metres_of(cell) is None for each in below for cell in each[column : column + 1])
-        and not any(each[column].lower() in spare for each in names)
     ]
+    # Of Motive's columns a skeleton's bones count, or several rigid bodies, not the markers on them.
+    if bones := [column for column in ours if "bone" in over[column]]:
+        return bones
+    each_body = [over[column] for column in ours if axes[column] == "x" and "rigid body" in over[column]]
+    bodies = {*chain(*each_body)} if len(each_body) > 1 else set[str]()
+    ours = [c for c in ours if not any(cell.partition(":")[0] in bodies for cell in over[c] - bodies)]
+    # A body's markers stand there again as they were measured.
+    measured = {cell for c in ours if "marker" in over[c] for cell in over[c] if ":" in cell}
+    return [c for c in ours if "rigid body marker" not in over[c] or not over[c] & measured]
 
 
 def _in_order(row: Sequence[str], size: int, first: Sequence[str]) -> list[str]:
@@ -388,12 +396,8 @@ def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str
     """Give each empty cell the text on its left: a name stands over the first of its columns, or the second, alone."""
     if {axis for name, axis in zip(row, axes, strict=False) if name.strip() and axis} == {"y"}:
         row = row[1:]
-    cells = [*(name.strip() for name in row), *[""] * size][:size]
-
-    def nearest(left: str, here: str) -> str:
-        return here or left
-
-    return [*accumulate(cells, nearest)]
+    left = ""
+    return [left := name.strip() or left for name in [*row, *[""] * size][:size]]
 
 
 def _header(

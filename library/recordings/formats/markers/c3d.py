@@ -44,8 +44,10 @@ def _opened(content: bytes) -> Any:  # noqa: ANN401 - the package has no types
         def _check_metadata(self) -> None:
             pass
 
+    # Without the header's count of events, which may be beyond its places for them, and without the frames.
+    front = content[:300] + b"\0\0" + content[302 : (content[0] + 255) * _BLOCK]
     with warnings.catch_warnings(action="ignore"):
-        return Lenient(io.BytesIO(content))
+        return Lenient(io.BytesIO(front))
 
 
 def _texts(name: str, said: Any, group: str = "POINT") -> list[str]:  # noqa: ANN401
@@ -193,7 +195,8 @@ def read_clips(
     try:
         said = _opened(content)
         positions, notes = _frames(said, content)
-        labels = _texts("LABELS", said, "POINT" if said.header.point_count else "ROTATION")[: positions.shape[1]]
+        labels = [*(_texts("LABELS", said) or _texts("LABELS", said, "ROTATION")), *[""] * positions.shape[1]]
+        labels = [label or f"*{number}" for number, label in enumerate(labels[: positions.shape[1]], start=1)]
         no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
         # Some programs list none of them.
         no_places |= {each for each in labels if {f"{w.rstrip('s').upper()}S" for w in words_of(each)} & {*_NO_PLACES}}
@@ -204,7 +207,7 @@ def read_clips(
         if got.startswith("expected"):
             raise
         raise RecordingError(f"{path}: expected a C3D, got a damaged or another file: {got[:120]}") from error
-    kept = [index for index, label in enumerate(labels) if label in joints or (label and label not in no_places)]
+    kept = [index for index, label in enumerate(labels) if label in joints or label not in no_places]
     rate = frame_rate or next((float(each) for each in reversed(rates) if 0 < each < math.inf), 0.0)
     if not rate:
         raise ValueError("expected a positive POINT:RATE, got 0; give it with --frame-rate")

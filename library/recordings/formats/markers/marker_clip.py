@@ -82,12 +82,11 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
         A wanted marker is missing, or fewer than two are left.
     """
     kept = chosen(labels, joints)
-    unnamed = len(labels) - len(kept) if not joints else 0
     if len(kept) < 2:
-        others = f", and {unnamed} without a name, which --joints '*' takes" if unnamed else ""
-        raise ValueError(f"expected at least 2 labelled points, got {len(kept)}{others}")
+        raise ValueError(f"expected at least 2 points, got {len(kept)}")
     memory.require_numbers(len(positions) * len(kept) * 3)
-    aside = [f"left out: {unnamed} without a name; --joints '*' takes all"] if unnamed else []
+    rest = 0 if joints else len(labels) - len(kept)
+    aside = [f"left out: {rest} without a name; --joints '*' takes all"] if rest else []
     named, positions = [labels[index] for index in kept], positions[:, kept]
     clips, people = list[Clip](), people_in(named)
     if _are_markers(people, named, positions):

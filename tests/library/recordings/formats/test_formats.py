@@ -229,6 +229,8 @@ def test_units_are_known_by_name_and_by_number() -> None:
     for size, metres in guesses.items():
         seen = np.array([[0.0, 0.0, 0.0], [0.0, size, 0.0], [np.nan] * 3])
         assert guessed_metres(np.stack([seen[[0, 2, 2]], seen, seen])) == metres
+    for size, metres in {16.0: 1, 46.0: 0.0254 / 0.45, 100.0: 0.0254, 100.1: 0.01}.items():
+        assert guessed_metres(np.array([[[0, 0, 0], [0, size, 0]]]), ("Head", "LeftFoot")) == metres
     assert guessed_metres(np.full((2, 3, 3), np.nan)) == 1.0
     # Of two joints that a frame has neither is a thing, however far apart they are.
     few = np.random.default_rng(0).normal(scale=0.4, size=(48, 12, 3))

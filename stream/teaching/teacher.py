@@ -470,7 +470,12 @@ class Teacher:
         if memory is None:
             self._forget_absent(now)
             memory = self._memories[frame.performer] = Memory(self.skeleton)
-        movement = memory.push(frame.time, frame.positions, now)
+        before, movement = memory.newest, memory.push(frame.time, frame.positions, now)
+        if memory.newest < before:
+            # The sender has begun again: what was named or shown before was at times of another clock.
+            self.named.forget(frame.performer)
+            shown, long_ago = self._shown.items(), Stretch(-math.inf, -math.inf)
+            self._shown = {each: (of[0], long_ago) if of[0] == frame.performer else of for each, of in shown}
         lesson = self.lesson
         if lesson is None or lesson.performer != frame.performer:
             return []

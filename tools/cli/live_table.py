@@ -105,6 +105,8 @@ class PlainLines(Sink):
     def publish_recognition(self, recognition: Recognition) -> None:
         """Print the recognition if its label is new."""
         before, began, _ = self._last.get(recognition.performer, ("", recognition.time, 0.0))
+        # A sender's clock may begin again.
+        began = min(began, recognition.time)
         self._last[recognition.performer] = recognition.label, began, recognition.time
         self._silence.note(recognition.performer)
         if recognition.label != before:

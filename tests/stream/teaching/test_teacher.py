@@ -350,6 +350,21 @@ def test_the_last_named_motion_becomes_an_example(command: commands.Command, cla
     assert stage.reason() == "squat1Reps was wrong"
 
 
+def test_a_senders_clock_that_begins_again_knows_nothing_of_before() -> None:
+    """Neither a lesson before nor a motion that was named before stands in the way of the motions since."""
+    stage = _taught()
+    _performed(stage)
+    stage.behind = stage.now + 95
+    stage.stand(1.0)
+    assert stage.ask(commands.Wrong("ann"))[0] == State("ann", Step.REFUSED, 0.0, "no motion was named")
+    began = 100 + stage.now - stage.behind
+    stage.show(stage.library.motions[40].positions)
+    stage.teacher.named.push(_event(EventKind.START, began + 0.4))
+    stage.stand(0.7)
+    stage.ask(commands.Wrong("ann"))
+    assert stage.reason() == "squat1Reps was wrong"
+
+
 def test_a_motion_that_goes_on_is_taken_when_it_ends() -> None:
     """Its example has all of it; one that goes on and on is taken after fifteen seconds."""
     stage = Stage()

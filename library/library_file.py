@@ -121,6 +121,12 @@ def rounded(positions: NDArray[np.floating]) -> NDArray[np.float32]:
 # --- writing -----------------------------------------------------------------------------------------------------
 
 
+def require_name(path: Path) -> None:
+    """Refuse a new library's file by whose name programs would take it for a recording: ValueError."""
+    if path.suffix != ".npz":
+        raise ValueError(f"{path}: expected a name that ends in .npz, for a library")
+
+
 def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     """Write a library's file so that a reader sees the old file or the new one, never a part.
 

@@ -85,6 +85,8 @@ _SCREENS, _SPANNING = 32, 256
 _MAX_WINDOWS, _MAX_OTHERS = 4000, 6000
 #: False alarms an hour, and the share of the limits at which so many are said.
 _PROMISED, _SHARES = (1.0, 6.0, 60.0, 600.0), (0.85, 1.0, 1.25, 1.6)
+#: Motions, at least, of which it is told how many others' do not find.
+_TOLD_OF = 5
 
 
 class Pieces(NamedTuple):
@@ -358,9 +360,9 @@ class Courses:
         return replace(self, limits=limits, crossed=self.crossed * self.limits[0] / limits[0])
 
     def missed_at(self, false_alarms: float) -> float:
-        """Give the share of the library's own motions that others' do not find; NaN where there are no others."""
-        known = np.isfinite(self.crossed)
-        return float(np.mean(self.crossed[known] > share_at(false_alarms))) if known.any() else math.nan
+        """Give the share of the library's own motions that others' do not find; NaN where few have others."""
+        known = self.crossed[np.isfinite(self.crossed)]
+        return float(np.mean(known > share_at(false_alarms))) if len(known) >= _TOLD_OF else math.nan
 
 
 def share_at(false_alarms: float) -> float:

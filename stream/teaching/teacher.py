@@ -155,7 +155,8 @@ class Lesson:
         self._most, self._came = max(self._most, movement), self._came + 1
         if time - self._said < _SAID_EVERY - _TIE:
             return None
-        reason = f"movement {self._most / self._finder.needed:.0%} of what is needed"
+        share = self._most / self._finder.needed
+        reason = f"movement {share:.0%} of what is needed" if share < 1 else "enough movement: keep moving"
         if self._most < 0:
             rate = self._came / (time - self._said)
             reason = f"{rate:.0f} frames a second show no movement: send {_LEAST_RATE} or more"

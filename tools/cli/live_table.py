@@ -279,7 +279,7 @@ class LiveTable(Sink):
     def _caption(self, shown: Mapping[str, _Shown], silent: Mapping[str, float]) -> str:
         status = self._status
         if status is None:
-            return f"{len(self._classes)} classes"
+            return f"{len(self._classes)} class{'es' if len(self._classes) != 1 else ''}"
         lines = [f"{name} before: {', '.join(each.over)}" for name, each in shown.items() if each.over]
         for name, done in ((name, list(each.done.items())[-_MOTIONS:]) for name, each in shown.items() if each.done):
             lines.append(f"{name} done: {', '.join(f'{title_of(label)} {count}' for label, count in done)}")

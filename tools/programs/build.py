@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings, recordings
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, find_recordings, library_file, recordings
 from kinespace.library.naming import hdm05, listed
 from kinespace.library.recordings.formats import utkinect
 from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, labels_beside, oddities, read_labels
@@ -56,6 +56,7 @@ def run(options: argparse.Namespace) -> None:
     files = [each for each in sources if each not in places]
     if labels and not places:
         raise ValueError("--labels: expected recordings to cut, got libraries only")
+    library_file.require_name(output)
     require_place_for(output, overwrite=options.overwrite)
     libraries = [arguments.library_at(file) for file in files]
     read = _Recordings(arguments.reading_of(options), options.licence, options.attribution)

@@ -7,6 +7,7 @@ second stay one row, to be divided by hand.
 
 import argparse
 import csv
+import math
 from codecs import getwriter
 from pathlib import Path
 
@@ -45,7 +46,10 @@ def run(options: argparse.Namespace) -> None:
     with replacing(labels) as file:
         rows = csv.writer(getwriter("utf-8")(file))
         rows.writerow(COLUMNS)
-        rows.writerows((f"{each.start:.2f}", f"{each.end:.2f}", "", csv_text(performer)) for each, performer in found)
+        # Rounded inwards: a gap may lie right before or behind a row.
+        for each, performer in found:
+            start, end = math.ceil(100 * each.start) / 100, math.floor(100 * each.end) / 100
+            rows.writerow((f"{start:.2f}", f"{end:.2f}", "", csv_text(performer)))
     whose = ", ".join(take.actor or "one performer" for take in takes)
     many = counted(len(found), "movement")
     say(f"{labels}: {many} of {whose}; write a class behind each; a movement without one is left out")

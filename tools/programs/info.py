@@ -29,6 +29,8 @@ _LASTING = "seconds {seconds:.1f} | Hz {frame_rate:g}"
 _MEASURED = "joints {joints} | metres across {metres_across:.2f} | filled in {filled:.1%}"
 _OF_RECORDINGS = f"recording {{name}} | {_LASTING} | {_MEASURED}"
 _OF_LIBRARY = f"class {{class}} | person {{person}} | take {{take}} | {_LASTING}"
+#: Frame rates that are listed, at most.
+_MOST_RATES = 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -141,10 +143,15 @@ def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others:
     figures = f"motions {{motions}} | {others} {{{others}}} | seconds {{seconds:.1f}} | Hz {{rates}}"
     shown = [
         {**row, what: row[what] or "?", others: row[others] or "?"}
-        | {"rates": ", ".join(f"{rate:g}" for rate in row["frame_rates"])}
+        | {"rates": _in_short([f"{rate:g}" for rate in row["frame_rates"]])}
         for row in rows
     ]
     console.print(scores_of(shown, f"{what} {{{what}}}{indexed} | {figures}", title=title))
+
+
+def _in_short(rates: Sequence[str]) -> str:
+    """List few rates, ascending; of many the first and the last."""
+    return ", ".join(rates) if len(rates) <= _MOST_RATES else f"{rates[0]} to {rates[-1]}"
 
 
 def _recordings(place: Path, reading: Reading, *, clips: bool) -> dict[str, Any]:

@@ -100,10 +100,8 @@ def _lacking(survey: Survey, guess: Guess) -> list[str]:
     if guess.preset.name == NATIVE and survey.announced:
         return _named_otherwise(survey)
     if guess.missing and guess.preset.name == NATIVE and not any(k.address == SKELETON for k in survey.kinds.values()):
-        return [
-            f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}, or",
-            f"say which they are: kinespace live --joints {_listing(len(guess.joints))}",
-        ]
+        unnamed = f"{len(guess.joints)} joints whose names were never sent: let the sender send {SKELETON}"
+        return [f"{unnamed}, or say which they are: kinespace live --joints {_listing(len(guess.joints))}"]
     lines = list[str]()
     if guess.missing and guess.frames:
         lines.append(f"not used, because they never came: {', '.join(guess.missing)}")

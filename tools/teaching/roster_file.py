@@ -52,6 +52,8 @@ class RosterFile:
     def __init__(self, path: Path) -> None:
         if not path.absolute().parent.is_dir():
             raise FileNotFoundError(f"{path}: no such folder")
+        if not path.exists():
+            library_file.require_name(path)
         self._path, self._new_path = path.absolute(), library_file.beside(path, "new")
         with ExitStack() as opened:
             opened.enter_context(library_file.locked(path, for_long=True))

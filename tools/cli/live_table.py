@@ -31,6 +31,8 @@ _CLASS = 8
 _FIGURES = 5 + len("margin") + len("frames/s") + 11
 #: Notices of teaching that are shown, at most.
 _NOTICES = 3
+#: Mistakes of senders that `--plain` says, at most.
+_MOST_MISTAKES = 20
 #: Ended motions of each performer that are shown, at most.
 _MOTIONS = 3
 #: Seconds without an answer after which a performer sends no frames.
@@ -145,10 +147,10 @@ class PlainLines(Sink):
                 say(line, level="warning")
         self._said = said
         for note in status.notes:
-            # A sender may make a new mistake each second: one line of each kind is enough.
-            kind = note.partition(":")[0]
-            if kind not in self._notes:
-                self._notes.add(kind)
+            # A sender may make a mistake each second: one line for each thing expected is enough, and few in all.
+            mistake = note.partition(", got")[0]
+            if mistake not in self._notes and len(self._notes) < _MOST_MISTAKES:
+                self._notes.add(mistake)
                 say(note, level="warning")
 
     def publish_state(self, notice: Notice) -> None:

@@ -116,6 +116,12 @@ def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> 
         assert told in shown(table)
         assert printed.count(told) == 1
     assert "performer me: OSC" not in printed
+    for said in ("time: expected a number, got 'x'", "time: expected a number, got 'y'", "joints: expected 31, got 2"):
+        lines.send(replace(named, notes=(f"last malformed: {said}",)))
+    assert capsys.readouterr().out.splitlines() == [
+        "last malformed: time: expected a number, got 'x'",
+        "last malformed: joints: expected 31, got 2",
+    ]
 
 
 def test_a_performer_whose_frames_stop_is_not_shown_as_living(

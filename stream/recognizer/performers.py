@@ -429,12 +429,12 @@ class Performers(Present[_Performer]):
         size, named = performer.refused_size, len(performer.joints)
         if name not in self._announced:
             why = f"{size} joints whose names were never sent, expected {named}: let the sender send them, or --joints"
-        elif performer.unusable:
+        elif size != named:
+            why = f"{size} joints, but {named} names were sent"
+        else:
             why = f"{named} joints, {performer.unusable}"
             if unknown := unknown_names(performer.joints, self.library.skeleton.joints):
                 why += f"; {unknown}"
-        else:
-            why = f"{size} joints, but {named} names were sent"
         remember(self._refused, name, why, MAX_REMEMBERED * self.most)
 
     def _retire(self, followed: _Performer) -> None:

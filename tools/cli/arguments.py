@@ -153,7 +153,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the options for reading recordings."""
     parser.add_argument("--asf", type=Path, help="skeleton of AMC files (default: found by name)")
     parser.add_argument("--frame-rate", type=positive, metavar="HZ", help="of all recordings (default: their own)")
-    text = "of BVH, C3D and TRC files: m, cm, mm, in, ft or metres (default: the file's own, or by size)"
+    text = "of the recordings: m, cm, mm, in, ft or metres (default: the file's own, or by size)"
     parser.add_argument("--unit", default="", help=text)
     text = "only these joints or markers; * and ? fit any"
     parser.add_argument("--joints", type=names, default=(), metavar="A,B,...", help=text)

@@ -111,8 +111,9 @@ def test_frames_of_too_few_of_the_joints_are_counted(sticks: MotionLibrary, join
     """Frames with fewer than five of the library's joints are counted, not used, until enough joints are announced."""
     performers = Performers(sticks)
     performers.announce(Announcement("p", joints), 0.0)
-    for size in (len(joints), 6):
+    for size in (6, len(joints)):
         assert performers.push(Frame("p", 0.0, np.zeros((size, 3))), 0.0) is None
+        assert size == len(joints) or performers.refused["p"] == f"6 joints, but {len(joints)} names were sent"
     assert performers.ordered(Frame("p", 0.0, np.zeros((7, 3)))) is None
     assert (performers.counts.other_joints, performers.counts.recognizers.frames) == (2, 0)
     assert "of them among the 6 compared, expected 5 at least" in performers.refused["p"]

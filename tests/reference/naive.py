@@ -7,6 +7,7 @@ one number at a time where that is bearable.
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -18,30 +19,14 @@ Matrix = NDArray[np.float64]
 # --- distances, principal axis ------------------------------------------------------------------------------------
 
 
-def pairs(joints: int) -> list[tuple[int, int]]:
-    """Count out every pair of joints, the first below the second."""
-    return [(a, b) for a in range(joints) for b in range(a + 1, joints)]
+def distance_rows(positions: Matrix) -> Matrix:
+    """Measure every pair of joints, the first below the second, frame by frame, pair by pair."""
+    return np.array([[math.dist(*pair) for pair in combinations(posture, 2)] for posture in positions.tolist()])
 
 
-def distance_rows(positions: Matrix, measured: Sequence[tuple[int, int]]) -> Matrix:
-    """Measure pairs of joints, frame by frame, pair by pair, coordinate by coordinate."""
-    rows = np.empty((len(positions), len(measured)))
-    for frame, posture in enumerate(positions.tolist()):
-        for column, (first, second) in enumerate(measured):
-            total = 0.0
-            for coordinate in range(3):
-                total += (posture[first][coordinate] - posture[second][coordinate]) ** 2
-            rows[frame, column] = math.sqrt(total)
-    return rows
-
-
-def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
-    """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows.
-
-    Gives the variance along it and the axis.
-    """
-    _, singular, axes = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
-    return float(singular[0]) ** 2 / (len(rows) - 1), axes[0]
+def first_axis_by_svd(rows: Matrix) -> Matrix:
+    """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows."""
+    return np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)[2][0]
 
 
 # --- match and retrieval -----------------------------------------------------------------------------------------
@@ -153,7 +138,7 @@ def turn_in_order(order: str, angles: Mapping[str, float]) -> Matrix:
 
 def radians(value: float, unit: str) -> float:
     """Convert an angle of either unit."""
-    return value * math.pi / 180.0 if unit == "deg" else value
+    return math.radians(value) if unit == "deg" else value
 
 
 def _axis_frame(order: str, words: Sequence[str], unit: str) -> Matrix:

@@ -11,7 +11,7 @@ from operator import itemgetter
 import naive_courses as naive
 import numpy as np
 import pytest
-from naive_courses import Pace, beginning_of, gone_on, median, weighed
+from naive_courses import Pace, beginning_of, gone_on, median_of, weighed
 from numpy.typing import NDArray
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, distance_rows, opened
@@ -337,7 +337,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
         live = np.concatenate([point, VELOCITY * (point - past[max(0, len(past) - 5)])])
         belief = weighed(belief, few.vectors, live @ table.whitening, 1 / 16)
         told = follower.push(index * STEP, point, class_name)
-        assert told.phase == pytest.approx(median(belief), abs=1e-3)
+        assert told.phase == pytest.approx(median_of(belief), abs=1e-3)
         at = np.sum(belief, axis=0)
         near = sum(each for moment, each in enumerate(at) if abs(moment / (count - 1) - told.phase) <= 0.1)
         assert told.sure == pytest.approx(near, abs=1e-3)

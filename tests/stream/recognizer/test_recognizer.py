@@ -77,7 +77,7 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
         time += step
         positions = stick_clip("bow", frames=1).positions[0] + 0.01 * generator.normal(size=(6, 3))
         answer = recognizer.push(Frame("p", time, positions))
-        due = feed.push(time, naive.distance_rows(positions[None], naive.pairs(6))[0])
+        due = feed.push(time, naive.distance_rows(positions[None])[0])
         assert (answer is None) == (due is None)
         assert answer is None or (answer.time, answer.performer, answer.classes) == (time, "p", sticks.classes)
     counts = recognizer.counts
@@ -119,7 +119,7 @@ def test_a_hops_covariance_is_the_batchs_and_its_best_product_the_papers_answer(
         if answer := recognizer.push(frame):
             hop = recognizer.covariance()
             positions = np.array([each.positions for each in frames[place - hop.frames : place]])
-            rows = naive.distance_rows(positions, naive.pairs(6)) @ hop.directions
+            rows = naive.distance_rows(positions) @ hop.directions
             np.testing.assert_allclose(np.cov(rows.T, bias=True), hop.matrix, rtol=1e-7, atol=1e-12)
             assert abs(np.linalg.eigh(hop.matrix)[1][:, -1] @ hop.eigenvector) == pytest.approx(1)
             products = np.abs(index.eigenvectors @ hop.eigenvector)

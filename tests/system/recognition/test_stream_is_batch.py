@@ -76,10 +76,9 @@ def _assert_alike(answer: Recognition, due: Due) -> None:
 
 def _due(twin: Twin, frames: Sequence[Frame], settings: Settings) -> Iterator[Due | None]:
     """Show the twin frames; give for each what is due, if it is."""
-    pairs, index = [(int(first), int(second)) for first, second in twin.index.library.skeleton.pairs], twin.index
-    feed = NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap)
+    index, feed = twin.index, NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap)
     for frame in frames:
-        hop = feed.push(frame.time, naive.distance_rows(frame.positions[None], pairs)[0])
+        hop = feed.push(frame.time, naive.distance_rows(frame.positions[None])[0])
         if hop is None:
             yield None
             continue

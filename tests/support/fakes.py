@@ -133,17 +133,7 @@ class Bench:
 
 #: The second of three classes is named.
 NAMED = Recognition(
-    performer="Ada",
-    time=4.0,
-    outcome=Outcome.NAMED,
-    classes=("bow", "jump", "wave"),
-    scores=np.array([0.25, 0.75, 0.5], dtype=np.float32),
-    movement=0.2,
-    share=0.8,
-    gap=0.6,
-    lead=0.5,
-    eigenvector_class="wave",
-    eigenvector_score=0.9,
+    "Ada", 4.0, Outcome.NAMED, ("bow", "jump", "wave"), np.array([0.25, 0.75, 0.5], dtype=np.float32), movement=0.2
 )
 
 

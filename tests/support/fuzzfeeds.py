@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 import wrong
-from fakes import FakeReceiver
+from fakes import NAMED, FakeReceiver
 from golden import LAYOUTS, bundle, message, moments
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame, Outcome, Recognition, osc, zeromq
+from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.stream.feeds import Preset
 from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
 from kinespace.stream.inputs import Source, ZmqDecoder
@@ -159,9 +159,6 @@ def run_messages(messages: int, seed: int) -> Source:
     return source
 
 
-_NAMED = Recognition("jan", 4.0, Outcome.NAMED, ("bow", "wave"), np.array([0.25, 0.75], np.float32), 0.2)
-
-
 class Reader(NamedTuple):
     """What a codec reads: good messages, and the function that reads one, which gives nothing for a broken one."""
 
@@ -171,8 +168,8 @@ class Reader(NamedTuple):
 
 #: What reads a message beside a feed's decoders, and is never to raise.
 READERS = {
-    "OSC answers": Reader([[osc.messages.encode_recognition(_NAMED)]], lambda parts: osc.decode_answer(parts[0])),
-    "ZeroMQ answers": Reader([zeromq.encode_recognition(_NAMED)], zeromq.decode_answer),
+    "OSC answers": Reader([[osc.messages.encode_recognition(NAMED)]], lambda parts: osc.decode_answer(parts[0])),
+    "ZeroMQ answers": Reader([zeromq.encode_recognition(NAMED)], zeromq.decode_answer),
     "bodies": Reader([encode_body(Frame("jan", 1.0, np.ones((31, 3))), SKELETON)], decode_body),
 }
 

@@ -21,24 +21,13 @@ from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, opened
 from kinespace.library.signature.parts import Signature
 from kinespace.library.windows.comparer import Distances
-from kinespace.stream import (
-    Event,
-    EventKind,
-    Frame,
-    LiveSignature,
-    Outcome,
-    Performers,
-    Recognition,
-    Recognizer,
-    Settings,
-    recognise,
-)
+from kinespace.stream import Event, EventKind, Frame, Outcome, Performers, Recognition, Recognizer, Settings, recognise
 from kinespace.stream.frame import MAX_DISTANCE
 from kinespace.stream.recognizer.decision import Decision, Events, Hysteresis
 from kinespace.stream.recognizer.done import Look
 from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.recognizer import answers_to
-from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
+from kinespace.stream.recognizer.settings import LiveSignature, index_for, needed_lead, sensitivity_for
 from kinespace.stream.recognizer.window import Window
 from kinespace.tools.feeding.feed import resampled
 

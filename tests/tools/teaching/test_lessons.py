@@ -97,13 +97,16 @@ def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Se
 
 
 def _teach(stage: Stage, begin: float, name: str, class_name: str, joints: Sequence[int] = range(31)) -> None:
+    """Show an example, and wait until it is taught."""
     # On a busy machine the last frames may be old: the performer who is taught must be present.
     stand = MotionLibrary.builtin().motions[0].positions[0][joints]
     for place in range(10):
         stage.push(Frame("ann", begin - 1 + place / 60, stand))
+    done = stage.heard.steps().count(Step.DONE)
     stage.command(commands.Teach("ann", name, 1, 0.0))
     stage.lessons.tend(time.monotonic())
     _show(stage, begin, class_name, 0, joints)
+    stage.until(lambda heard: heard.steps().count(Step.DONE) > done)
 
 
 @pytest.mark.slow
@@ -111,10 +114,8 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     """It comes behind the classes that were there, starts when it is shown, is in the file and there the next time."""
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
-    heard = stage.until(lambda heard: Step.DONE in heard.steps())
-    assert stage.classes == (*library.classes, "my squat")
-    assert heard.of(tuple)[-1] == stage.classes
-    assert [each.class_name for each in heard.of(Taught)] == ["my squat"]
+    assert stage.classes == stage.heard.of(tuple)[-1] == (*library.classes, "my squat")
+    assert [each.class_name for each in stage.heard.of(Taught)] == ["my squat"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
     stage.command(commands.Rename("my squat", "bend"))
     stage.until(lambda _: stage.classes[-1] == "bend")
@@ -135,7 +136,6 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     _show(stage, 20, "squat1Reps", 2)
     for begin in (30, 40):
         _teach(stage, begin, "my squat", "squat1Reps")
-        stage.until(lambda heard, many=1 + begin // 40: heard.steps().count(Step.DONE) == many)  # type: ignore[misc]
     first, second = (each.tried for each in stage.heard.of(Taught))
     assert (first.done, second.done) == (2, 2)
     assert (first.seconds, second.seconds) == (pytest.approx(30.0, abs=1.5), pytest.approx(40.0, abs=1.5))
@@ -152,7 +152,6 @@ def test_nothing_alone_is_no_library(tmp_path: Path) -> None:
     """Taught first, without a library, it answers nobody, also the next time; behind it a gesture is known."""
     stage = Stage(tmp_path / "mine.npz", None)
     _teach(stage, 0, "nothing", "kickLFront1Reps")
-    stage.until(lambda heard: Step.DONE in heard.steps())
     assert (_show(stage, 20, "kickLFront1Reps"), stage.lessons.answers, stage.classes) == ([], False, ())
     stage.lessons.close()
     with pytest.raises(ValueError, match="library: expected a class besides 'nothing', got none"):
@@ -160,7 +159,6 @@ def test_nothing_alone_is_no_library(tmp_path: Path) -> None:
     again = Stage(tmp_path / "mine.npz", None)
     assert (_show(again, 0, "kickLFront1Reps"), again.lessons.answers) == ([], False)
     _teach(again, 20, "my squat", "squat1Reps")
-    again.until(lambda heard: Step.DONE in heard.steps())
     assert _show(again, 40, "squat1Reps", 1)[:1] == ["my squat"]
     again.lessons.close()
 
@@ -172,14 +170,12 @@ def test_nothing_that_holds_a_gesture_is_told(tmp_path: Path) -> None:
     shown = [("my squat", "squat1Reps"), ("nothing", "kickLFront1Reps"), ("nothing", "squat1Reps")]
     for count, (name, class_name) in enumerate(shown, start=1):
         _teach(stage, 20 * count, name, class_name)
-        stage.until(lambda heard, count=count: heard.steps().count(Step.DONE) == count)  # type: ignore[misc]
     _, good, bad = (each.words for each in stage.heard.of(Taught))
     assert (good, bad) == ("good", told := "my squat is in it: undo it, and move without your gestures")
     stage.command(commands.Undo())
     stage.lessons.close()
     again = Stage(tmp_path / "mine.npz", None)
     _teach(again, 20, "nothing", "squat1Reps")
-    again.until(lambda heard: Step.DONE in heard.steps())
     assert [each.words for each in again.heard.of(Taught)] == [told]
     again.lessons.close()
 
@@ -190,7 +186,7 @@ def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(lessons, "_TRIED_FOR", 0.0)
     _show(stage, 0, "squat1Reps", 1)
     _teach(stage, 10, "my squat", "squat1Reps")
-    (taught,) = stage.until(lambda heard: Step.DONE in heard.steps()).of(Taught)
+    (taught,) = stage.heard.of(Taught)
     assert 0.0 < taught.tried.seconds < 1.0
     assert taught.tried.words == "done not once in 0 s of your movement before"
 
@@ -206,7 +202,7 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(library_file, "write", full)
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
-    heard = stage.until(lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
+    heard = stage.until(lambda heard: Step.REFUSED in heard.steps())
     told = [each.reason for each in heard.of(State) if each.step is Step.REFUSED]
     assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
@@ -301,9 +297,7 @@ def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLi
     joints = tuple(library.skeleton.joints[place] for place in reversed(kept))
     stage.push(Announcement("ann", joints))
     _teach(stage, 10, "my squat", "squat1Reps", kept[::-1])
-    stage.until(lambda heard: Step.DONE in heard.steps())
     _teach(stage, 20, "my kick", "kickLFront1Reps", kept[::-1])
-    stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
     assert _show(stage, 30, "squat1Reps", 1, kept[::-1])[:1] == ["my squat"]
     stage.lessons.close()
     saved = MotionLibrary.load(tmp_path / "mine.npz").motions[0]
@@ -348,11 +342,16 @@ def test_a_stranger_at_the_control_learns_nothing(
     stage.lessons.close()
 
 
+def _keys(*classes: str, asked: Callable[[Asked], object] = print) -> tuple[Keys, SimpleNamespace, SimpleNamespace]:
+    """Give the keys of a program, what they read of its lessons, and its table."""
+    lessons = SimpleNamespace(classes=[*classes], performers=SimpleNamespace(names=("ann", "bob")))
+    shown = SimpleNamespace(hint=HINT)
+    return Keys(lessons, shown, asked), lessons, shown  # type: ignore[arg-type]  # as read
+
+
 def test_the_commands_of_keys() -> None:
     """New motions are numbered, held ones too; the last name was right, or wrong; a number chooses who is taught."""
-    lessons = SimpleNamespace(classes=["squat", "motion 1"], performers=SimpleNamespace(names=("ann", "bob")))
-    shown = SimpleNamespace(hint=HINT)
-    keys = Keys(lessons, shown, print)  # type: ignore[arg-type]  # as read
+    keys, lessons, shown = _keys("squat", "motion 1")
     assert keys.command_of("t") == commands.Teach("", "motion 2")
     lessons.classes.append("motion 2")
     assert keys.command_of("a") == commands.Teach("", "motion 2")
@@ -373,11 +372,10 @@ def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
     import termios  # noqa: PLC0415 - as above
 
     asked = list[Asked]()
-    lessons = SimpleNamespace(classes=[], performers=SimpleNamespace(names=()))
     keyboard, terminal = pty.openpty()
     with os.fdopen(keyboard, "wb", 0) as hands, os.fdopen(terminal, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
-        with Keys(lessons, SimpleNamespace(hint=""), asked.append):  # type: ignore[arg-type]  # as read
+        with _keys(asked=asked.append)[0]:
             # Until then whatever is typed is thrown away.
             until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)
             hands.write(b"t\xff=" + "wéve\n".encode())
@@ -387,9 +385,7 @@ def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_motion_is_named_by_keys() -> None:
     """Letters are its name until Enter, then examples go on by it; Escape leaves the old one."""
-    lessons = SimpleNamespace(classes=["motion 1"], performers=SimpleNamespace(names=("ann",)))
-    shown = SimpleNamespace(hint=HINT)
-    keys = Keys(lessons, shown, print)  # type: ignore[arg-type]  # as read
+    keys, _, shown = _keys("motion 1")
     assert keys.command_of("=") is None
     keys.command_of("t")
     assert [keys.command_of(key) for key in "=hix\x7f t"] == [None] * 7

@@ -12,7 +12,6 @@ answers by numpy.
 import argparse
 import hashlib
 import math
-import os
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,6 +23,7 @@ from typing import Any
 import numpy as np
 from fakes import pushed
 from numpy.typing import NDArray
+from programs import DATA
 
 from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex, compiled, opened, read_recordings
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
@@ -229,11 +229,9 @@ def main() -> int:
     parser.add_argument("--exact", action="store_true")
     parser.add_argument("names", nargs="*")
     options = parser.parse_args()
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    data = Path(os.environ.get("KINESPACE_DATA") or beside)
     before, differs = kept(), False
     for name in options.names or (*FEEDS, *RECORDED):
-        answers = FEEDS[name]() if name in FEEDS else RECORDED[name](data)
+        answers = FEEDS[name]() if name in FEEDS else RECORDED[name](DATA)
         if options.exact:
             print(name, arithmetic(), exactly(answers))  # noqa: T201 - a script
         got = summed_up(answers)

@@ -105,15 +105,9 @@ def test_parts_that_do_not_fit_are_refused(sticks: MotionLibrary) -> None:
 @pytest.mark.parametrize("skeleton", [STICK, Skeleton(STICK.joints)])
 def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: Skeleton) -> None:
     """Saved and loaded, a library has the same words and numbers."""
+    words = {"actor": "Ü ß", "source": "x\ny", "licence": "CC0", "attribution": "Müller et al., „HDM05“"}
     clips = [
-        dataclasses.replace(
-            stick_clip(name, seed=seed, skeleton=skeleton),
-            actor="Ü ß",
-            frame_rate=59.94,
-            source="x\ny",
-            licence="CC0",
-            attribution="Müller et al., „HDM05“",
-        )
+        dataclasses.replace(stick_clip(name, seed=seed, skeleton=skeleton), frame_rate=59.94, **words)
         for seed, name in enumerate((*STICK_CLASSES, "wave"))
     ]
     learned = {"weights": np.arange(6, dtype=np.float32).reshape(2, 3), "one": np.array(0.5, np.float32)}

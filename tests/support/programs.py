@@ -35,6 +35,8 @@ REMARK = re.compile(
 SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SMALL_ACTORS = ("bd", "dg", "mm")
 ROOT = Path(__file__).resolve().parents[2]
+#: Where the recordings are, if they are anywhere.
+DATA = Path(os.environ.get("KINESPACE_DATA") or ROOT.parent / "shared" / "data")
 LOOPBACK = "127.0.0.1"
 #: Seconds that a child may take for one step before the test fails; a busy machine is slow.
 PATIENCE = 240.0

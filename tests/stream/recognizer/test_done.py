@@ -315,11 +315,6 @@ def points_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows @ index.basis.directions / index.body.size(rows)[:, None]
 
 
-def clip_of(class_name: str, actor: str, nth: int = 0) -> Clip:
-    """Choose a motion of the library."""
-    return [clip for clip in opened_few().library.motions if (clip.class_name, clip.actor) == (class_name, actor)][nth]
-
-
 @pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("class_name", [SQUAT, ARMS])
 def test_every_step_equals_the_textbooks(class_name: str) -> None:
@@ -331,7 +326,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
     past, pace, count = list["NDArray[np.float64]"](), Pace(float(few.speeds.mean())), few.speeds.shape[1]
     beginning = beginning_of(count)
     belief = [[each / 4 for each in beginning]] * 4
-    for index, point in enumerate(points_of(clip_of(class_name, "bk").positions[::2])[:60]):
+    for index, point in enumerate(points_of(clips_of(class_name, "bk")[0].positions[::2])[:60]):
         past.append(point)
         belief = gone_on(belief, beginning, cyclic=few.cyclic)
         live = np.concatenate([point, VELOCITY * (point - past[max(0, len(past) - 5)])])
@@ -348,7 +343,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
 
 def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
     """Seen at every second or third step, the progress is as if the points between had been seen, too."""
-    points = points_of(clip_of(ARMS, "bk").positions[:160:5])
+    points = points_of(clips_of(ARMS, "bk")[0].positions[:160:5])
     for apart in (2, 3):
         seldom, often = (ProgressFollower(table_without("bk")) for _ in range(2))
         for place, point in enumerate(points):

@@ -312,12 +312,8 @@ def test_another_library_is_everybodys(sticks: MotionLibrary, small_library: Mot
     fewer, order = sticks.without(classes=["bow"]), ("wave", "nope", "jump")
     assert sorted(_told(performers.exchange(fewer, order))) == [("a", "end", "bow"), ("b", "end", "bow")]
     assert (performers.classes, performers.library) == (order, fewer)
-    later = {
-        "a": _frames("a", "bow", start=5.0),
-        "b": _with_joints(_frames("b", "bow", start=5.0), range(5)),
-        "c": _frames("c", "bow"),
-    }
-    for frames in later.values():
+    fewer_joints = _with_joints(_frames("b", "bow", start=5.0), range(5))
+    for frames in (_frames("a", "bow", start=5.0), fewer_joints, _frames("c", "bow")):
         for answer in _pushed(performers, frames):
             assert answer.classes == order
             assert answer.class_name != "bow"

@@ -24,15 +24,13 @@ class Stage:
     def __init__(self, roster: Roster | None = None) -> None:
         self.library = MotionLibrary.builtin()
         self.teacher = Teacher(self.library.skeleton, roster or Roster(), self.library.classes)
-        #: Seconds by which frames are read late.
-        self.now = self.behind = 0.0
-        self.told: list[Notice] = []
+        self.now, self.told = 0.0, list[Notice]()
 
-    def show(self, frames: Iterable[NDArray[np.float64]], performer: str = "ann") -> None:
+    def show(self, frames: Iterable[NDArray[np.float64]], rate: float = RATE) -> None:
         """Push frames; their own times are ahead of ours."""
         for positions in frames:
-            self.now += 1 / RATE
-            self.told += self.teacher.push(Frame(performer, 100 + self.now - self.behind, positions), self.now)
+            self.now += 1 / rate
+            self.told += self.teacher.push(Frame("ann", 100 + self.now, positions), self.now)
             self.told += self.teacher.tick(self.now)
 
     def stand(self, seconds: float, place: int = 40) -> None:
@@ -104,10 +102,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
 def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
     """With the last number of the countdown, while there is time to choose."""
     stage = _asked("wave", countdown=3.0)
-    for number in range(3 * rate):
-        stage.now = 1.0 + (number + 0.5) / rate
-        stage.told += stage.teacher.push(Frame("ann", stage.now, stage.library.motions[40].positions[0]), stage.now)
-        stage.told += stage.teacher.tick(stage.now)
+    stage.show([stage.library.motions[40].positions[0]] * (3 * rate - 1), rate)
     assert [each.reason for each in stage.told if isinstance(each, State)] == ["", "", said]
 
 
@@ -196,14 +191,10 @@ def test_a_feed_that_is_too_slow_to_show_movement_is_told_so(every: int, told: s
     stage = Stage()
     motion = stage.library.motions[0].positions
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    frames = [*[motion[0]] * 60, *motion, *[motion[-1]] * 90]
-    for place, positions in enumerate(frames):
-        stage.now += 1 / RATE
-        if place % every == 0:
-            stage.told += stage.teacher.push(Frame("ann", 100 + stage.now, positions), stage.now)
-            if stage.teacher.lesson is None and not stage.teacher.roster.examples:
-                stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-        stage.told += stage.teacher.tick(stage.now)
+    for positions in [*[motion[0]] * 60, *motion, *[motion[-1]] * 90][::every]:
+        stage.show([positions], RATE / every)
+        if stage.teacher.lesson is None and not stage.teacher.roster.examples:
+            stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     assert len(stage.teacher.roster.examples) == (not told)
     assert told in {each.reason for each in stage.told if isinstance(each, State)}
 

@@ -1,6 +1,5 @@
 import hashlib
 import math
-import os
 import subprocess
 import sys
 import threading
@@ -455,7 +454,7 @@ def test_one_command_watches_recognises_and_ends(demo_film: Path) -> None:
         assert children
         program.process.kill()
         program.wait()
-        until(lambda: not any(map(_is_there, children)))
+        until(lambda: not any(Path(f"/proc/{each}").exists() for each in children))
 
 
 def _children(parent: int) -> list[int]:
@@ -463,14 +462,6 @@ def _children(parent: int) -> list[int]:
     command = ["ps", "-o", "pid=,args=", "--ppid", str(parent)]
     listed = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     return [int(each.split()[0]) for each in listed if "resource_tracker" not in each]
-
-
-def _is_there(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 @pytest.mark.slow

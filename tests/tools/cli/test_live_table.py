@@ -34,16 +34,10 @@ def recognition(
 
 def status(*performers: str) -> Status:
     """Make a status in which every counter is another number."""
-    return Status(
-        inputs=InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5),
-        outcomes=PerformerCounts(
-            no_room=6, other_joints=7, recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20)
-        ),
-        unsent=10,
-        performers=dict.fromkeys(performers, 119.6),
-        hop_p50=0.0012,
-        hop_p99=0.0034,
-    )
+    inputs = InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5)
+    recognizers = RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20)
+    outcomes = PerformerCounts(no_room=6, other_joints=7, recognizers=recognizers)
+    return Status(inputs, outcomes, 10, dict.fromkeys(performers, 119.6), hop_p50=0.0012, hop_p99=0.0034)
 
 
 def shown(table: LiveTable, width: int = 120) -> str:

@@ -67,7 +67,7 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
 def _random_course(generator: np.random.Generator, frames: int, most_apart: int = 1) -> Course:
     """Make a course whose frames are a thirtieth of a second apart, or up to so many."""
     times = np.cumsum(generator.integers(1, most_apart + 1, frames)) / 30
-    edges = np.sort(generator.choice(times, size=12, replace=False)) + 0.01 * (most_apart - 1)
+    edges = np.sort(generator.choice(times, size=12, replace=False)) + 0.005 * (most_apart - 1)
     stretches = [pair for pair, there in zip(pairwise(edges), generator.random(11), strict=True) if there > 0.2]
     names = (*CLASSES, "juggle", "sleep")
     segments = tuple(Segment(float(a), float(b), names[generator.integers(5)]) for a, b in stretches)
@@ -131,9 +131,7 @@ def test_any_course_is_scored_as_a_walk_through_its_moments(
 def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcome.NAMED) -> Recognition:
     scores = np.full(3, 0.01)
     scores[best] = score
-    return Recognition(
-        performer="p", time=time, outcome=outcome, classes=CLASSES, scores=scores, guess=best, movement=0.1
-    )
+    return Recognition("p", time, outcome, CLASSES, scores, guess=best, movement=0.1)
 
 
 def test_a_course_holds_each_answer_until_the_next() -> None:
@@ -328,12 +326,10 @@ def test_each_fault_does_what_its_name_says() -> None:
 
 def _annotated() -> Course:
     """Give a take of which a bow was said twice, once to the take's end, and done once."""
-    answers = [Recognition("p", time, Outcome.NAMED, ("bow",), np.ones(1), 0.1) for time in (0.05, 0.2, 0.3)]
-    kinds = (EventKind.START, EventKind.END, EventKind.START)
-    answers = [
-        replace(each, events=(Event("p", kind, "bow", 0, 0.9, each.time),))
-        for each, kind in zip(answers, kinds, strict=True)
-    ]
+    said = ((0.05, EventKind.START), (0.2, EventKind.END), (0.3, EventKind.START))
+    events = [(Event("p", kind, "bow", 0, 0.9, time),) for time, kind in said]
+    answer = Recognition("p", 0.0, Outcome.NAMED, ("bow",), np.ones(1), 0.1)
+    answers = [replace(answer, time=each[0].time, events=each) for each in events]
     answers[1] = replace(answers[1], done=Done("p", "bow", 0, 0.02, 0.13, 0.8, 1.0, 1.0))
     take = Take(replace(stick_clip("bow"), actor="ann"), (Segment(0, 0.35, "bow"),))
     return course_of(take, take.clip.times, answers, classes=("bow",), known=("bow",))

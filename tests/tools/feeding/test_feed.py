@@ -44,7 +44,6 @@ class FakeTime:
 
     now: float = 1000.0
     oversleep: float = 0.003
-    slept: float = 0.0
 
     def perf_counter(self) -> float:
         """Read the clock."""
@@ -54,7 +53,6 @@ class FakeTime:
         """Let time pass."""
         assert seconds > 0
         self.now += seconds + self.oversleep
-        self.slept += seconds
 
 
 def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -193,8 +193,8 @@ def _environment_as_before() -> Iterator[None]:
 
 
 @pytest.fixture
-def stage() -> Iterator[OscReceiver]:
-    """Open a UDP port that receives replayed packets."""
+def receiver() -> Iterator[OscReceiver]:
+    """Open a UDP port of the system's choice."""
     with closing(OscReceiver(LOOPBACK, 0)) as receiver:
         yield receiver
 

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -14,7 +15,7 @@ from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout
 from functools import cache, partial
 from io import StringIO
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Frame, osc
 from kinespace.stream.recognition import Answer
+from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
 from kinespace.tools.feeding.service import Listener, answer_in
@@ -113,6 +115,12 @@ def ran(*arguments: object) -> tuple[int, str, str]:
     return status, out.getvalue(), err.getvalue()
 
 
+def python(*arguments: object, **more: Any) -> subprocess.CompletedProcess[str]:  # noqa: ANN401 - as subprocess has it
+    """Run Python to its end."""
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE, **more)
+
+
 def until(reached: Callable[[], _Reached]) -> _Reached:
     """Ask until something is reached; give it."""
     end = time.monotonic() + PATIENCE
@@ -128,6 +136,16 @@ def free_udp_port() -> int:
         probe.bind((LOOPBACK, 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def key_folders(place: Path, *names: str) -> list[Path]:
+    """Make a folder of keys for each name; the first knows all, the others know the first."""
+    made = [place / name for name in names]
+    publics = [make_keys(folder, folder.name)[0] for folder in made]
+    for folder, public in zip(made[1:], publics[1:], strict=True):
+        shutil.copy(public, made[0])
+        shutil.copy(publics[0], folder)
+    return made
 
 
 _OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")

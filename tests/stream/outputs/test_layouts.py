@@ -13,7 +13,8 @@ from typing import Any
 import mido
 import numpy as np
 import pytest
-from programs import ROOT
+from fakes import params_of as read
+from programs import LOOPBACK, ROOT
 from pythonosc.osc_packet import OscPacket
 from synthetic import STICK, stick_clip
 
@@ -29,7 +30,6 @@ from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import InputCounts, PerformerCounts, Status
 from kinespace.stream.teaching import State, Step
 
-LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")
 START = Event("Ada L", EventKind.START, "jump", 1, 0.75, 4.0)
 DONE = Done("Ada L", "jump", 1, 6.0, 1.5, 0.875, 1.25, 0.75, 3)
@@ -45,11 +45,6 @@ def recognition(
     scores[best] = 0.75
     names = CLASSES if classes == 3 else tuple(f"c{index:04d}" for index in range(classes))
     return Recognition(performer, 4.0, outcome, names, scores, movement=0.2)
-
-
-def read(packet: bytes | None) -> dict[str, list[object]]:
-    """Read a packet with python-osc: arguments by address."""
-    return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import zmq
 from fakes import NAMED
-from programs import LOOPBACK, PATIENCE, ran
+from programs import LOOPBACK, PATIENCE, key_folders, ran
 from zmq import Socket
 from zmq.auth import load_certificate
 
@@ -239,16 +239,6 @@ def test_the_health_is_one_word_and_numbers(
 A_MOMENT = 150
 
 
-def folders(place: Path, *names: str) -> list[Path]:
-    """Make a folder of keys for each name; the first knows all, the others know the first."""
-    made = [place / name for name in names]
-    publics = [make_keys(folder, folder.name)[0] for folder in made]
-    for folder, public in zip(made[1:], publics[1:], strict=True):
-        (made[0] / public.name).write_bytes(public.read_bytes())
-        (folder / publics[0].name).write_bytes(publics[0].read_bytes())
-    return made
-
-
 def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path) -> None:
     """The program makes a folder with both files; no other user reads them, and the pair is one."""
     assert "secret, keep it here" in ran("keys", "ann", "--keys", tmp_path / "mine")[1]
@@ -270,7 +260,7 @@ def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["", "ann.key", "stage.key"])
 def test_where_anybody_may_add_keys_nobody_is_let_in(tmp_path: Path, name: str) -> None:
     """The folder, and every key in it, is its owner's alone to write."""
-    stage, _ = folders(tmp_path, "stage", "ann")
+    stage, _ = key_folders(tmp_path, "stage", "ann")
     (stage / name).chmod(0o777 if not name else 0o666)
     with pytest.raises(ValueError, match="expected what its owner alone may write to"):
         Keyring(stage)
@@ -309,7 +299,7 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
 
 def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
     """With several keys beside its own a socket cannot know which one to connect to, and says so."""
-    stage, *_ = folders(tmp_path, "stage", "ann", "ben")
+    stage, *_ = key_folders(tmp_path, "stage", "ann", "ben")
     with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
         ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)
 
@@ -325,8 +315,8 @@ def heard(publisher: ZmqSender, subscriber: Socket[bytes], *, longest: int) -> b
 
 def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
     """A peer with a known key is heard and hears; a peer with another key, or without one, does neither."""
-    stage, ann = folders(tmp_path, "stage", "ann")
-    _, eve = folders(tmp_path / "elsewhere", "stage", "eve")
+    stage, ann = key_folders(tmp_path, "stage", "ann")
+    _, eve = key_folders(tmp_path / "elsewhere", "stage", "eve")
     # Eve knows the stage's public key: that does not let her in.
     (eve / "stage.key").write_bytes((stage / "stage.key").read_bytes())
     anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)

@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 from collections.abc import Mapping
 from functools import cache
@@ -16,7 +15,7 @@ from typing import Any, get_args
 
 import figures
 import pytest
-from programs import ROOT, ran
+from programs import ROOT, python, ran
 
 import kinespace.library
 import kinespace.stream
@@ -159,9 +158,7 @@ def test_a_sink_takes_messages_that_there_are() -> None:
 def test_a_module_is_loaded_without_others(modules: str, others: set[str]) -> None:
     """The recogniser and the library need no transport, no terminal and no scipy; a program's start no asyncio."""
     code = f"import sys, {modules}; print(sorted({others} & set(sys.modules)))"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout == "[]\n"
+    assert python("-c", code, cwd=ROOT).stdout == "[]\n"
 
 
 def test_no_source_says_where_it_was_written() -> None:
@@ -197,9 +194,7 @@ udp6.close()
 
 def test_a_program_asks_no_network() -> None:
     """The programs that tests start refuse the same."""
-    command = [sys.executable, "-c", f"{_TRIED}\nprint(found)"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == str([True] * 9)
+    assert python("-c", f"{_TRIED}\nprint(found)").stdout.strip() == str([True] * 9)
 
 
 @pytest.mark.slow
@@ -225,7 +220,6 @@ def test_every_evaluation_has_figures() -> None:
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_path: Path) -> None:
     """Mkdocs takes warnings for errors; each page is in its list, and each public name has an entry."""
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{ROOT / '.ci' / 'mkdocs.yml'}"]
     # griffe, which reads the sources, looks for packages by folder, as mypy does.
     packages = ROOT / ".venv" / "packages" / "kinespace"
     packages.mkdir(parents=True, exist_ok=True)
@@ -233,8 +227,8 @@ def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_pat
         link = packages / room
         if not link.exists():
             link.symlink_to(ROOT / room)
-    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run([*command, "-d", f"{tmp_path}"], capture_output=True, text=True, check=False, env=environment)
+    settings, environment = ROOT / ".ci" / "mkdocs.yml", {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = python("-m", "mkdocs", "build", "--quiet", "-f", settings, "-d", tmp_path, env=environment)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     pages = {page.stem for page in (tmp_path / "docs").glob("*.html")}
     assert pages == {page.stem for page in (ROOT / ".github" / "docs").glob("*.md")}
@@ -289,8 +283,7 @@ def test_every_python_example_runs(tmp_path: Path) -> None:
 
     Of the built-in library they get some motions: most examples open it anew, without a motion.
     """
-    command = [sys.executable, "-W", "error", "-c", _RUN_EXAMPLES, *PYTHON]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = python("-W", "error", "-c", _RUN_EXAMPLES, *PYTHON, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert all(printed.strip() for printed in done.stdout.split("=====\n")[: len(PYTHON)])
 
@@ -311,8 +304,7 @@ paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
     for number, code in enumerate([*PYTHON, further]):
         (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
     # By the settings of `make types`, so that what it has learned of our modules need not be learned again.
-    command = [sys.executable, "-m", "mypy", *sorted(map(str, tmp_path.glob("*.py")))]
-    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    checked = python("-m", "mypy", *sorted(tmp_path.glob("*.py")), cwd=ROOT)
     said = [line for line in checked.stdout.splitlines() if "/example" in line and "[import-" not in line]
     assert "\n".join(said) == checked.stderr == ""
 
@@ -433,10 +425,7 @@ def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:
 
 def _run(folder: Path, script: str) -> str:
     environment = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=120
-    )
+    done = python("-c", script, cwd=folder, env=environment)
     assert not done.returncode, done.stderr
     return done.stdout
 

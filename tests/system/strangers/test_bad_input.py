@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, REMARK, free_udp_port, ran, started
+from programs import LOOPBACK, REMARK, free_udp_port, python, ran, started
 from synthetic import stick_clips
 from written import write_clip, write_clips
 
@@ -215,8 +215,7 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     shim = tmp_path / "shim.so"
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", shim, FAULTS / "shim.c", "-ldl"], check=True)
     surroundings = {**os.environ, "LD_PRELOAD": str(shim)}
-    done = subprocess.run([sys.executable, FAULTS / "work.py"], env=surroundings, capture_output=True, check=True)
-    found = json.loads(done.stdout)
+    found = json.loads(python(FAULTS / "work.py", env=surroundings).stdout)
     assert {*found} == {"teaching", "building", "labelling", "recording", "keys", "cache", "midi"}
     assert {name: each["wrong"] for name, each in found.items()} == {name: [] for name in found}
     # The faults reach the calls.

@@ -261,7 +261,7 @@ def datagrams(count: int) -> list[bytes]:
 # --- recording ---------------------------------------------------------------------------------------------------
 
 
-def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, stage: osc.OscReceiver) -> None:
+def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, receiver: osc.OscReceiver) -> None:
     """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
     path, sent = tmp_path / "a.kinerec", datagrams(200)
     with started("record", path, "--osc-in", f"{LOOPBACK}:0") as program:
@@ -278,11 +278,11 @@ def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, stage: osc.Os
     assert len({packet.sender for packet in packets}) == 1
     # A process that is held between two looks at a clock dates a packet a little early.
     assert all(first.arrival <= second.arrival + 0.5 for first, second in pairwise(packets))
-    status, printed, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json")
+    status, printed, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{receiver.address[1]}", "--speed", 4, "--json")
     told = dict.fromkeys(("left_out", "failed", "unheard"), 0) | {"sent": 200, "lost_from": None}
     assert (status, json.loads(printed)) == (0, told)
     got = list[bytes]()
-    until(lambda: got.extend(iter(stage.receive, None)) or len(got) >= 200)
+    until(lambda: got.extend(iter(receiver.receive, None)) or len(got) >= 200)
     assert got == sent
 
 

@@ -140,8 +140,7 @@ def page_of(program: Program) -> int:
 
 def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outcome:
     """Run a trial of some seconds on a performer of these positions, (frames, 31, 3), metres, 120 a second, again."""
-    during = trial.lasts * seconds
-    begin, end = _BEFORE, _BEFORE + during
+    begin, end = _BEFORE, _BEFORE + trial.lasts * seconds
     cues = cues_of(np.resize(positions, (round((end + _AFTER + _MEMORY) * FRAME_RATE), 31, 3)))
     # After a jump of the body no answers come, without an attack, too.
     recognizer = Recognizer(MotionLibrary.builtin())
@@ -169,7 +168,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
         _wait(begun + begin)
         before = most = memory_of(program.process.pid)
         go.set()
-        line = trial.deed(program, folder, during) if trial.deed else ""
+        line = trial.deed(program, folder, end - begin) if trial.deed else ""
         if trial.killed:
             program.process.kill()
             program.process.wait()
@@ -189,17 +188,10 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
         place_of(program)
         performance, status = performer.end(), ended_with(program)
         since = begin if trial.killed else end if trial.fault or trial.deed else ended
-        recordings = map(kept, sorted(folder.glob("a*.kinerec")))
         latencies = performance.latencies(begin, end)
-        return Outcome(
-            trial.name,
-            *(len(latencies), due),
-            *(_p99(performance.latencies(0.5, begin)), _p99(latencies)),
-            memory,
-            performance.recovery(since),
-            ", ".join(filter(None, [_counted(program.output), line, *recordings])),
-            status,
-        )
+        said = [_counted(program.output), line, *map(kept, sorted(folder.glob("a*.kinerec")))]
+        found = len(latencies), due, _p99(performance.latencies(0.5, begin)), _p99(latencies), memory
+        return Outcome(trial.name, *found, performance.recovery(since), ", ".join(filter(None, said)), status)
 
 
 def _attack(attack: Attack | None, place: Place, ready: Semaphore, go: Event, stop: Event) -> None:

@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,28 +187,20 @@ def clip_positions(asf_path: Path, amc_path: Path, every: int = 1) -> Matrix:
 # --- BVH ---------------------------------------------------------------------------------------------------------
 
 
-def bvh_places(  # noqa: PLR0913, PLR0917 - three of the joint, the rest inherited
-    offset: Sequence[float],
-    channels: Sequence[str],
-    children: Sequence[object],
-    numbers: Iterator[float],
-    at: Matrix,
-    turned: Matrix,
-) -> list[Matrix]:
+def bvh_places(joint: Any, numbers: Iterator[float], at: Matrix, turned: Matrix) -> list[Matrix]:  # noqa: ANN401 - any class
     """Place a joint and all joints below it in one frame, by recursion, in the order of the file.
 
     Parameters
     ----------
-    offset, channels, children
-        Of the joint; each child has the same three.
+    joint
+        Has an offset, channels and children, as each child has.
     numbers
         The rest of the frame's.
     at, turned
         Where the parent stands, and its frame.
     """
-    own = list(map(float, offset))
-    turn = np.eye(3)
-    for channel in channels:
+    own, turn = [*map(float, joint.offset)], np.eye(3)
+    for channel in joint.channels:
         axis, value = channel[0].lower(), next(numbers)
         if channel[1:] == "position":
             own["xyz".index(axis)] = value
@@ -215,6 +208,6 @@ def bvh_places(  # noqa: PLR0913, PLR0917 - three of the joint, the rest inherit
             turn = turn @ turn_about(axis, math.radians(value))
     here = at + turned @ np.array(own)
     places = [here]
-    for child in children:
-        places += bvh_places(child.offset, child.channels, child.children, numbers, here, turned @ turn)  # type: ignore[attr-defined]
+    for child in joint.children:
+        places += bvh_places(child, numbers, here, turned @ turn)
     return places

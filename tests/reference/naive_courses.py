@@ -247,11 +247,7 @@ class Pace:
         self.speed = 1.0
 
     def push(
-        self,
-        past: Sequence[NDArray[np.float64]],
-        velocity: NDArray[np.float64],
-        expected: tuple[float, float],
-        usual_swing: float,
+        self, past: Sequence[np.ndarray], velocity: np.ndarray, expected: tuple[float, float], usual_swing: float
     ) -> None:
         """Take in a step: all points so far, the newest velocity, the squared speeds and the log swing expected."""
         span = max(2, round(30 / min(max(self.speed, 0.5), 1.5)))

@@ -86,6 +86,16 @@ def _shares(place: Any) -> Any:  # noqa: ANN401 - three numbers
     return (np.array([1.28, 0.96, 0]) - place * (1, 1, -1)) / (2.56, 1.92, 1.28)
 
 
+def _osceleton2(name: str, place: Any, now: Moment) -> bytes:  # noqa: ANN401 - three numbers
+    """Centimetres, confidence, and milliseconds as a double."""
+    return message("/osceleton2/joint", "siiffffd", name, 0, 1, *100 * place, 1.0, 1000 * now.time)
+
+
+def _kinectv2(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three numbers
+    """Bodies have numbers of 64 bits."""
+    return message(f"/bodies/72057594037928017/joints/{name}", "fffs", *place, "Tracked")
+
+
 def nimate_omni(moment: Moment) -> list[bytes]:
     """All coordinates in the order of NI mate's list."""
     joints = named("nimate-omni", moment.places)
@@ -245,11 +255,9 @@ def vmc_loose(moment: Moment) -> list[bytes]:
 
 def rokoko(moment: Moment) -> list[bytes]:
     """One JSON object a frame (Rokoko's example of version 3), here of two actors, one of whom has no body."""
+    turn = dict(zip("xyzw", _NO_TURN, strict=True))
     body = {
-        name: {
-            "position": dict(zip("xyz", place.tolist(), strict=True)),
-            "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-        }
+        name: {"position": dict(zip("xyz", place.tolist(), strict=True)), "rotation": turn}
         for name, place in named("rokoko", moment.places).items()
     }
     meta = {"hasGloves": False, "hasLeftGlove": False, "hasRightGlove": False, "hasBody": True, "hasFace": False}
@@ -289,17 +297,8 @@ _MADE: dict[str, Layout] = {
     **{each.__name__: each for each in (native, vmc, qtm, natnet2osc, mediapipe, wekinator, rokoko, xsens, zigsim)},
     "osceleton": by_joint("osceleton", lambda name, place, _: message("/joint", "sifff", name, 1, *_shares(place))),
     "osceleton -q": by_joint("osceleton", lambda name, place, _: message(f"/joint/{name}/1", "fff", *_shares(place))),
-    # Centimetres, confidence, and milliseconds as a double.
-    "osceleton2": by_joint(
-        "osceleton2",
-        lambda name, place, now: message(
-            "/osceleton2/joint", "siiffffd", name, 0, 1, *100 * place, 1.0, 1000 * now.time
-        ),
-    ),
-    "kinectv2": by_joint(
-        "kinectv2",
-        lambda name, place, _: message(f"/bodies/72057594037928017/joints/{name}", "fffs", *place, "Tracked"),
-    ),
+    "osceleton2": by_joint("osceleton2", _osceleton2),
+    "kinectv2": by_joint("kinectv2", _kinectv2),
     # Older versions.
     "kinectv2 bare": by_joint("kinectv2", lambda name, place, _: message(f"/bodies/1/joints/{name}", "fff", *place)),
     # Basic + orientation.

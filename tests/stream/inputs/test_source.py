@@ -1,8 +1,7 @@
 """Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
 
 import socket
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from ipaddress import ip_network
 from pathlib import Path
 from types import SimpleNamespace
@@ -151,21 +150,14 @@ def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     assert (source.counts.stale, source.counts.received) == (8, 42)
 
 
-@contextmanager
-def asked_source() -> Iterator[tuple[FeedSource, socket.socket]]:
-    """Open a source that asks, and the socket of the one that is asked."""
+def test_the_source_asks_from_its_own_port() -> None:
+    """When tended, the source asks from the port that it listens on; it stops while frames come, and says goodbye."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.bind((LOOPBACK, 0))
         sender.settimeout(5.0)
-        port = sender.getsockname()[1]
-        text = Path(__file__).with_name("asks.toml").read_text(encoding="utf-8").replace("port = 9", f"port = {port}")
+        text = Path(__file__).with_name("asks.toml").read_text(encoding="utf-8")
+        text = text.replace("port = 9", f"port = {sender.getsockname()[1]}")
         source = FeedSource(OscReceiver(LOOPBACK, 0), parse_preset(text, "asks", "asks.toml"))
-        yield source, sender
-
-
-def test_the_source_asks_from_its_own_port() -> None:
-    """When tended, the source asks from the port that it listens on; it stops while frames come, and says goodbye."""
-    with asked_source() as (source, sender):
         port = source.receiver.address[1]
         assert source.tend(0.0) == []
         packet, came_from = sender.recvfrom(1000)

@@ -68,11 +68,6 @@ class Stage:
         """Carry out a command."""
         return self.lessons.carry_out(Asked(command))
 
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """The classes of the answers."""
-        return self.lessons.classes
-
     def until(self, enough: Callable[[FakeSink], bool]) -> FakeSink:
         """Wait until the listener has heard enough."""
         until(lambda: (self.lessons.tend(time.monotonic()), enough(self.heard))[1])
@@ -114,16 +109,16 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     """It comes behind the classes that were there, starts when it is shown, is in the file and there the next time."""
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
-    assert stage.classes == stage.heard.of(tuple)[-1] == (*library.classes, "my squat")
+    assert stage.lessons.classes == stage.heard.of(tuple)[-1] == (*library.classes, "my squat")
     assert [each.class_name for each in stage.heard.of(Taught)] == ["my squat"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
     stage.command(commands.Rename("my squat", "bend"))
-    stage.until(lambda _: stage.classes[-1] == "bend")
+    stage.until(lambda _: stage.lessons.classes[-1] == "bend")
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
-    assert stage.classes == (*library.classes, "bend")
+    assert stage.lessons.classes == (*library.classes, "bend")
     again = Stage(tmp_path / "mine.npz", library)
-    assert again.classes == stage.classes
+    assert again.lessons.classes == stage.lessons.classes
     assert _show(again, 20, "squat1Reps", 1)[:1] == ["bend"]
     again.lessons.close()
 
@@ -152,7 +147,7 @@ def test_nothing_alone_is_no_library(tmp_path: Path) -> None:
     """Taught first, without a library, it answers nobody, also the next time; behind it a gesture is known."""
     stage = Stage(tmp_path / "mine.npz", None)
     _teach(stage, 0, "nothing", "kickLFront1Reps")
-    assert (_show(stage, 20, "kickLFront1Reps"), stage.lessons.answers, stage.classes) == ([], False, ())
+    assert (_show(stage, 20, "kickLFront1Reps"), stage.lessons.answers, stage.lessons.classes) == ([], False, ())
     stage.lessons.close()
     with pytest.raises(ValueError, match="library: expected a class besides 'nothing', got none"):
         Performers(MotionLibrary.load(tmp_path / "mine.npz"))

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import socket
+import tomllib
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
@@ -270,22 +271,12 @@ def test_titles_are_sent_and_a_title_in_place_of_a_class_is_said(tmp_path: Path)
     assert layout.notes == []
 
 
-@pytest.mark.parametrize(
-    ("written", "said"),
-    [
-        ("", "message: expected a value, got nothing"),
-        ('[[message]]\nwhen = "begin"\naddress = "/a"', "message 1, when: expected one of"),
-        ('[[message]]\nwhen = "gone"\naddress = "/{class}"', "{class}: expected one of performer when gone"),
-        ('[[message]]\nwhen = "start"\naddress = "/{class.__init__}"', "{class.__init__}: expected one of performer"),
-        ('[[message]]\nwhen = "start"\naddress = "/a"\narguments = ["{score"]', "expected names in braces"),
-        *(
-            (f'[[message]]\nwhen = "start"\naddress = "/a"\narguments = ["{{{each}}}"]', "expected a format like :.2f")
-            for each in ("score:>2000000000", "index:c", "score:.999999999f", "title:{performer.__class__}", "title!r")
-        ),
-        ('[[message]]\nwhen = "start"\naddress = "/a"\nargument = [1]', "perhaps 'arguments' is meant"),
-    ],
-)
-def test_a_mistake_is_said_before_anything_is_sent(tmp_path: Path, written: str, said: str) -> None:
+#: Layouts that are refused, each with a part of the line that says why.
+MISTAKES = tomllib.loads(Path(__file__).with_name("mistakes.toml").read_text(encoding="utf-8"))["mistake"]
+
+
+@pytest.mark.parametrize(("said", "written"), [each.values() for each in MISTAKES])
+def test_a_mistake_is_said_before_anything_is_sent(tmp_path: Path, said: str, written: str) -> None:
     """The line names the file, the place, the expectation and what stands there."""
     with pytest.raises(LayoutFileError) as refused:
         _layout(tmp_path, written)

@@ -41,6 +41,8 @@ RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is none of a test's examples.
 MAX_EXAMPLE = 20_000
 
+#: Programs that tests run, by name.
+RECIPES = tomllib.loads(Path(__file__).with_name("recipes.toml").read_text(encoding="utf-8"))
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
@@ -171,30 +173,9 @@ def test_no_source_says_where_it_was_written() -> None:
     assert said == []
 
 
-#: Addresses that are on no machine (RFC 5737, RFC 3849), and a name that nobody has (RFC 6761).
-FAR, FAR6, NAME = "192.0.2.77", "2001:db8::1", "stage.invalid"
-
-_TRIED = f"""
-import socket
-def refused(act, *given):
-    try:
-        act(*given)
-    except OSError as error:
-        return "tests ask no network" in str(error)
-    return False
-udp, udp6 = socket.socket(type=socket.SOCK_DGRAM), socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
-found = [refused(udp.sendto, b"", (far, 9)) for far in ({FAR!r}, "224.0.0.251", "255.255.255.255")]
-found += [refused(udp6.sendto, b"", (far, 9)) for far in ({FAR6!r}, "ff02::fb")]
-found += [refused(act, ({FAR!r}, 9)) for act in (udp.connect, socket.create_connection)]
-found += [refused(socket.getaddrinfo, {NAME!r}, 9), refused(socket.gethostbyname, {NAME!r})]
-udp.close()
-udp6.close()
-"""
-
-
 def test_a_program_asks_no_network() -> None:
     """The programs that tests start refuse the same."""
-    assert python("-c", f"{_TRIED}\nprint(found)").stdout.strip() == str([True] * 9)
+    assert python("-c", RECIPES["network"]["uses"]).stdout.strip() == str([True] * 9)
 
 
 @pytest.mark.slow
@@ -202,19 +183,17 @@ def test_a_program_asks_no_network() -> None:
 @pytest.mark.parametrize("name", figures.QUICK)
 def test_no_figure_falls(name: str, request: pytest.FixtureRequest) -> None:
     """Each new figure is within its tolerance of the expected one, or better."""
-    arguments, entries = figures.RUNS[name], figures.expected()[name]
-    needs_recordings = any("{data}" in argument for argument in arguments)
-    data = request.getfixturevalue("data_folder") if needs_recordings else None
-    worse = figures.fallen(name, entries, figures.measured(arguments, entries, data))
+    line, entries = figures.RUNS[name], figures.expected()[name]
+    data = request.getfixturevalue("data_folder") if "{data}" in line else None
+    worse = figures.fallen(name, entries, figures.measured(line, entries, data))
     assert not worse, "\n".join(worse)
 
 
 @pytest.mark.slow
 def test_every_evaluation_has_figures() -> None:
-    """Every evaluation is written down, none beyond them; at least one of each experiment."""
-    written = figures.expected()
-    assert list(written) == list(figures.RUNS)
-    assert {arguments[0] for arguments in figures.RUNS.values()} == set(EXPERIMENTS)
+    """Each run has some; at least one run is of each experiment."""
+    assert all(figures.expected().values())
+    assert {line.split()[0] for line in figures.RUNS.values()} == set(EXPERIMENTS)
 
 
 @pytest.mark.slow
@@ -265,25 +244,13 @@ def options_of(program: str) -> set[str]:
     return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", ran(*program.split(), "--help")[1]))
 
 
-_RUN_EXAMPLES = """
-import sys
-from kinespace import MotionLibrary
-some, builtin = ("kickLFront1Reps", "squat1Reps", "throwBasketball"), MotionLibrary.builtin()
-few = builtin.without(classes=[name for name in builtin.classes if name not in some], actors=("bk", "tr"))
-MotionLibrary.builtin = lambda: few
-for code in sys.argv[1:]:
-    exec(code, {})
-    print("=====")
-"""
-
-
 @pytest.mark.slow
 def test_every_python_example_runs(tmp_path: Path) -> None:
     """Each example in Python runs with names of its own, in any folder, without a warning, and prints something.
 
     Of the built-in library they get some motions: most examples open it anew, without a motion.
     """
-    done = python("-W", "error", "-c", _RUN_EXAMPLES, *PYTHON, cwd=tmp_path)
+    done = python("-W", "error", "-c", RECIPES["examples"]["uses"], *PYTHON, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert all(printed.strip() for printed in done.stdout.split("=====\n")[: len(PYTHON)])
 
@@ -292,16 +259,7 @@ def test_every_python_example_runs(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_every_python_example_passes_a_strict_type_checker(tmp_path: Path) -> None:
     """Types say as much as the docstrings: texts for signatures, lists for arrays and names."""
-    further = """
-from kinespace import Announcement, Frame, MotionClassifier, MotionLibrary, Settings, Skeleton, read_recordings
-
-clips = list(read_recordings("folder", actor_in="name"))
-skeleton = Skeleton(["a", "b"])
-frame, joints = Frame("ann", 0.0, [[0.0, 0.0, 0.0]] * 31), Announcement("ann", ["root", "head"])
-named = MotionClassifier(skeleton).fit(clips, [clip.class_name for clip in clips]).predict([[[[0.0] * 3] * 2] * 9])
-paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
-"""
-    for number, code in enumerate([*PYTHON, further]):
+    for number, code in enumerate([*PYTHON, RECIPES["types"]["uses"]]):
         (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
     # By the settings of `make types`, so that what it has learned of our modules need not be learned again.
     checked = python("-m", "mypy", *sorted(tmp_path.glob("*.py")), cwd=ROOT)
@@ -404,9 +362,6 @@ def test_every_file_in_a_package_is_declared() -> None:
 
 
 # --- what CONTRIBUTING says of adding things, done in a copy of the program -------------------------------------------
-
-
-RECIPES = tomllib.loads(Path(__file__).with_name("recipes.toml").read_text(encoding="utf-8"))
 
 
 def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:

@@ -167,17 +167,6 @@ def test_a_motion_both_have_is_kept_once(sticks: MotionLibrary) -> None:
 # --- the built-in library ----------------------------------------------------------------------------------------
 
 
-def test_the_built_in_library_describes_itself(builtin: MotionLibrary) -> None:
-    """The library in the package has HDM05's 288 motions of 11 classes by 5 persons, its licence and its authors."""
-    assert (len(builtin), len(builtin.classes), builtin.actors) == (288, 11, ("bd", "bk", "dg", "mm", "tr"))
-    assert builtin.skeleton == hdm05.SKELETON
-    assert {motion.frame_rate for motion in builtin.motions} == {60.0}
-    assert {motion.source for motion in builtin.motions} == {hdm05.SOURCE}
-    assert (builtin.licence, builtin.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
-    assert "Mueller" in builtin.attribution
-    assert sum(motion.duration for motion in builtin.motions) == pytest.approx(595, abs=1)
-
-
 @pytest.mark.slow
 def test_the_built_in_library_is_that_of_the_clips(builtin: MotionLibrary, amc_clips: tuple[Clip, ...]) -> None:
     """Built anew from the first clip of each class its motions are those in the package, to the millimetre."""

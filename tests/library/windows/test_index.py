@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
-from twins import Twin
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex
 from kinespace.library.library_file import TAUGHT
 from kinespace.library.signature.parts import Part, Signature
 from kinespace.library.windows.comparer import named_and_alone
@@ -17,21 +16,6 @@ from kinespace.library.windows.cutting import cut_windows, window_ends
 from kinespace.library.windows.opening import by_joints, has_view
 from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of, teacher_of
 from kinespace.tools.cli.arguments import joints_of
-
-CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-
-
-@pytest.fixture(scope="module")
-def across(builtin: MotionLibrary) -> WindowIndex:
-    """Give an index that weighs each part for itself: three classes by three people."""
-    left_out = [name for name in builtin.classes if name not in CLASSES]
-    return WindowIndex.of(builtin.without(classes=left_out, actors=("bk", "tr")))
-
-
-@pytest.fixture(scope="module", params=["within", "across"])
-def index(request: pytest.FixtureRequest, small_index: WindowIndex, across: WindowIndex) -> WindowIndex:
-    """Give an index of either weighing."""
-    return small_index if request.param == "within" else across
 
 
 def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
@@ -61,19 +45,6 @@ def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
     assert index.motions.tolist() == other.motions.tolist()
     for one, another in zip((*index.vectors, index.eigenvectors), (*other.vectors, other.eigenvectors), strict=True):
         np.testing.assert_allclose(one, another, rtol=2.0**-10, atol=1e-6)
-
-
-# --- compared ----------------------------------------------------------------------------------------------------
-
-
-def test_log_distances_by_brute_force(index: WindowIndex, builtin: MotionLibrary, arithmetic: str) -> None:
-    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
-    twin, another = Twin(index), {clip.class_name: clip for clip in builtin.motions if clip.actor == "bk"}
-    for clip in (another[name] for name in CLASSES[:2]):
-        rows = distance_rows(clip.positions, clip.skeleton)
-        for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
-            expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-            assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
 
 
 # --- kinds of libraries ------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from fuzzfeeds import changed
 from golden import moments
 from programs import REMARK, ROOT
 from synthetic import stick_clips
@@ -186,27 +187,8 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]
 
 
 def broken(whole: bytes, generator: np.random.Generator) -> bytes:
-    """Change a file: cut, bytes changed, words put in or exchanged, pieces repeated, left out or put elsewhere."""
-    changed = bytearray(whole)
-    for _ in range(int(generator.integers(1, 5))):
-        first, second = sorted(generator.integers(len(changed) + 1, size=2).tolist())
-        telling = TELLING[generator.integers(len(TELLING))]
-        match generator.integers(8):
-            case 0:
-                del changed[first:]
-            case 1:
-                del changed[first : min(second, first + 200)]
-            case 2 | 3:
-                changed[first : first + len(telling) % 100] = telling
-            case 4:
-                words = bytes(changed).split(b" ")
-                words[generator.integers(len(words))] = telling
-                changed = bytearray(b" ".join(words))
-            case 5:
-                changed[first:first] = changed[first : min(second, first + 500)] * int(generator.integers(1, 40))
-            case _ if changed:
-                changed[first % len(changed)] = generator.integers(256)
-    return bytes(changed)
+    """Change a file by words that mean something to some reader."""
+    return changed(whole, TELLING, generator)
 
 
 def unpacked_and_broken(whole: bytes, generator: np.random.Generator) -> bytes:

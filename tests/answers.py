@@ -90,8 +90,7 @@ def _depth_sensor(data: Path) -> list[Recognition]:
 def _other_names() -> list[Recognition]:
     """Play a sender with fewer joints, of other names, in another order."""
     library, clips = _asked()
-    performers = Performers(library)
-    names = tuple(reversed(_SENT))
+    performers, names = Performers(library), tuple(reversed(_SENT))
     places = [library.skeleton.joints.index(_SENT[name]) for name in names]
     performers.announce(Announcement("ann", names), 0.0)
     sent = (replace(frame, positions=frame.positions[places]) for frame in frames_of(clips, 60.0))

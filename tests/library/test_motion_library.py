@@ -416,7 +416,6 @@ def _not_finite(array: NDArray[Any]) -> NDArray[Any]:
     return np.where(array == 5, np.float32("nan"), array)
 
 
-NO_LIBRARY = "not a motion library"
 KINDS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
     "float": lambda array: array.astype(np.float64),
     "unsigned": lambda array: array.astype(np.uint16),
@@ -516,4 +515,4 @@ def test_a_zip_of_very_many_files_is_refused(content: bytes, tmp_path: Path) -> 
     with zipfile.ZipFile(file, "a") as archive:
         for number in range(2000):
             archive.writestr(f"{number}.npy", b"")
-    _assert_refused(tmp_path / "many.npz", file.getvalue(), NO_LIBRARY)
+    _assert_refused(tmp_path / "many.npz", file.getvalue(), "not a motion library")

@@ -32,8 +32,7 @@ def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.nd
         left = mean_of_last(lefts, place, 15)
         left = left - (left @ up) * up
         left = left / math.sqrt(left @ left)
-        front = np.cross(left, up)
-        middle = (frame[left_hip] + frame[right_hip]) / 2
+        front, middle = np.cross(left, up), (frame[left_hip] + frame[right_hip]) / 2
         points.append(np.concatenate([[(joint - middle) @ axis for axis in (left, up, front)] for joint in frame]))
         axes.append([0.001 * size * axis[place] for place in range(3) for axis in (left, up, front)])
     return np.array([[*mean_of_last(points, place, 5), *each] for place, each in enumerate(axes)])

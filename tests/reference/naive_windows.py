@@ -81,8 +81,7 @@ class NaiveMoments:
 
 def moments(times: Matrix, rows: Matrix) -> NaiveMoments:
     """Take the moments of a window's rows, all of which count alike."""
-    mean = rows.mean(axis=0)
-    late = times - times.mean()
+    mean, late = rows.mean(axis=0), times - times.mean()
     swing = math.sqrt(float(np.mean(late**2)))
     along = np.mean(late[:, None] * (rows - mean), axis=0)
     return NaiveMoments(mean, np.sqrt(np.mean((rows - mean) ** 2, axis=0)), along / swing if swing else 0.0 * mean)

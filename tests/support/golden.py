@@ -268,8 +268,7 @@ def rokoko(moment: Moment) -> list[bytes]:
 
 def xsens(moment: Moment) -> list[bytes]:
     """One MXTP02 datagram: 24 bytes of header, 23 segments of 32 bytes, z up."""
-    joints = named("xsens", moment.places)
-    segments = b""
+    joints, segments = named("xsens", moment.places), b""
     for number, name in enumerate(builtin_preset("xsens").order, start=1):
         x, y, z = joints.get(name, np.zeros(3))
         segments += struct.pack(">i7f", number, z, x, y, 1.0, 0.0, 0.0, 0.0)

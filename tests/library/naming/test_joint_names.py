@@ -88,10 +88,9 @@ def test_a_file_name_holds_actor_class_and_take(name: str, expected: tuple[str, 
 
 OURS = hdm05.SKELETON.joints
 SMPL, MIXAMO = names_of("smpl"), names_of("mixamo")
-EVERY = pytest.mark.parametrize("skeleton", KNOWN)
 
 
-@EVERY
+@pytest.mark.parametrize("skeleton", KNOWN)
 def test_names_are_found(skeleton: str) -> None:
     """Every convention's skeleton is known by its names, and each of its joints gets the name that is meant."""
     labels, known = names_of(skeleton), KNOWN[skeleton]

@@ -75,8 +75,7 @@ def test_the_same_motion_by_two_people_has_mean_squared_distance_1(shrinkage: fl
     vectors = learned_metric(numbers, whose, shrinkage=shrinkage, kept=6).place(numbers)
     squared = np.square(vectors[:, None] - vectors).sum(axis=2)
     same = whose[:, None] == whose
-    others = same[..., 0] & ~same[..., 1]
-    nearest = np.where(others, squared, np.inf).min(axis=1)
+    nearest = np.where(same[..., 0] & ~same[..., 1], squared, np.inf).min(axis=1)
     assert np.mean([nearest[whose[:, 0] == each].mean() for each in range(4)]) == pytest.approx(1.0, rel=0.01)
 
 

@@ -137,8 +137,7 @@ def test_an_absent_joint_is_held_for_a_while() -> None:
     pushed(target, [*whole(0.0), message("/end")], 0.0)
     made: list[Frame] = []
     for number in range(1, 11):
-        packets = [joint(name, number) for name in "abc"]
-        made += pushed(target, [*packets, message("/end")], number * 0.05)
+        made += pushed(target, [*[joint(name, number) for name in "abc"], message("/end")], number * 0.05)
     assert [values(frame) for frame in made] == [[number] * 3 + [0.0] for number in range(1, 6)]
     # By default the time is the arrival.
     assert [frame.time for frame in made] == [number * 0.05 for number in range(1, 6)]

@@ -162,8 +162,7 @@ def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(udp, "_resolved", answer)
     pauses: list[float] = []
     monkeypatch.setattr(udp.time, "sleep", pauses.append)
-    others = {*threading.enumerate()}
-    found = LookedUp("stage.local", 9)
+    others, found = {*threading.enumerate()}, LookedUp("stage.local", 9)
     for thread in {*threading.enumerate()} - others:
         thread.join()
     assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])

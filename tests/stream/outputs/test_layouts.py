@@ -145,8 +145,7 @@ def test_at_most_256_performers_are_remembered() -> None:
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
     """In every layout an unknown motion, and a performer who left, have no class."""
-    layout = LAYOUTS[name]()
-    none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
+    layout, none = LAYOUTS[name](), {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
     told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
     told.append(read(layout.gone(LEFT)))
     said, ends = [[*each.items()] for each in told], ("/class", "/Motion", "/outputs")

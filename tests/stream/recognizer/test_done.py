@@ -109,8 +109,7 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     """A squat that is nearer to an example of nothing than to other squats is not said."""
     clip = clips_of(SQUAT)[3]
     assert [each.label for each in said(index, [clip.positions])] == [SQUAT]
-    taught = index.with_motions([replace(clip, class_name=NOTHING)])
-    assert not said(taught, [clip.positions])
+    assert not said(index.with_motions([replace(clip, class_name=NOTHING)]), [clip.positions])
 
 
 def grown_by_definition(

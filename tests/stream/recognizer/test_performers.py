@@ -290,8 +290,7 @@ def test_the_silent_and_the_idle_make_room(sticks: MotionLibrary) -> None:
         performers.push(Frame("c", index / 30, POSE), 3.2 + index / 30)
     assert (performers.names, performers.take_gone()) == (("c",), ["a", "b"])
     # Who is answered stays; a newcomer that sends now and then gets no room.
-    frames = _frames("c", "bow", frames=480, start=9.0)
-    for index, frame in enumerate(frames):
+    for index, frame in enumerate(_frames("c", "bow", frames=480, start=9.0)):
         performers.push(frame, 4.0 + index / 120)
         performers.push(Frame("d", frame.time, POSE), 4.0 + index / 120)
     assert performers.names == ("c",)

@@ -296,8 +296,7 @@ def test_a_clip_is_answered_as_live(sticks: MotionLibrary) -> None:
     expected = pushed(Recognizer(sticks), shown(clip.positions, 120.0, performer="ann"))
     assert_same(recognise(sticks, clip), [each for each in expected if each])
     assert recognise(sticks, clip, Settings(hop=0.5))[1].time == pytest.approx(0.65, abs=0.02)
-    fewer = clip.restricted_to(STICK.joints[:5])
-    assert recognise(sticks, replace(fewer, actor=""))
+    assert recognise(sticks, replace(clip.restricted_to(STICK.joints[:5]), actor=""))
     with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
         recognise(sticks, clip.restricted_to(STICK.joints[:4]))
     with pytest.raises(ValueError, match="clip: expected a Clip, got ndarray"):
@@ -434,8 +433,7 @@ def test_the_papers_eigenvector_may_be_arbitrary(sticks: MotionLibrary, gap: flo
     window.signature = MOVING._replace(gap=gap)
     window.distances = Distances(logs, logs[0], logs[1:], np.exp(-logs[0]))
     joints = Joints(index.segments, STICK.joints, np.empty((1, 6, 3)), is_watched=False)
-    frame = Frame("p", 0.0, np.zeros((6, 3)))
-    answer = Decision(index, by_paper, ()).push(frame, window, joints, Look())
+    answer = Decision(index, by_paper, ()).push(Frame("p", 0.0, np.zeros((6, 3))), window, joints, Look())
     assert (answer.outcome, answer.evidence) == (outcome, None)
 
 

@@ -56,13 +56,9 @@ class Watching(FakeSink):
 
     notes = ("one frame at a time",)
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.frames: list[Frame] = []
-
     def publish_frame(self, frame: Frame) -> None:
         """Keep a frame."""
-        self.frames.append(frame)
+        self.told.append(frame)
 
 
 def test_all_that_waits_is_answered_to_all(sticks: MotionLibrary, source: FakeSource) -> None:
@@ -78,7 +74,7 @@ def test_all_that_waits_is_answered_to_all(sticks: MotionLibrary, source: FakeSo
     assert [label for kind, _, label in expected if kind is Event] == ["bow", "bow", "jump"]
     for sink in sinks:
         assert [(type(each), each.time, each.label) for each in sink.of(Recognition | Event)] == expected
-    assert sinks[1].frames == frames
+    assert sinks[1].of(Frame) == frames
     assert (service.status().notes, service.status().unsent) == (Watching.notes, 0)
 
 
@@ -395,8 +391,7 @@ def _taken(performer: str, time: float) -> Taken:
 
 def test_of_a_performers_frames_some_wait() -> None:
     """The newest frame, those before at a distance, as many as an answer needs; and all announcements."""
-    overload = Overload()
-    named = Taken(Announcement("a", STICK.joints), 0.0, 0.0)
+    overload, named = Overload(), Taken(Announcement("a", STICK.joints), 0.0, 0.0)
     overload.keep([named, *(_taken("a", place / 120) for place in range(240))], 0.0)
     kept = overload.turns(1)
     assert kept[0] == named

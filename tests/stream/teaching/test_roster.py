@@ -182,8 +182,7 @@ def test_hysteresis() -> None:
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
-    found = moving.moved_at_all(nod)
-    assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
+    assert moving.moved_at_all(nod) == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
     assert max(each.body for each in movements) < 0.01 < max(each.limb for each in movements)
@@ -211,8 +210,7 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
 def test_the_limb_speed_is_that_of_its_joint() -> None:
     """One of four joints goes at a steady speed against the others; the joint not seen does not matter."""
     corners = np.array([[0, 0, 0], [0, 2, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], dtype=float)
-    times = np.arange(7) / 30
-    bodies = np.repeat(corners[None], 7, axis=0)
+    times, bodies = np.arange(7) / 30, np.repeat(corners[None], 7, axis=0)
     bodies[:, 0, 2] = 0.3 * times
     bodies[3, 4] = np.nan
     # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.

@@ -87,8 +87,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     assert stage.steps() == [*[Step.COUNTDOWN] * 3, Step.WAITING, Step.RECORDING, Step.CHECKING]
     assert [each.seconds for each in stage.told if isinstance(each, State)][:3] == [3.0, 2.0, 1.0]
     (example,) = stage.teacher.roster.examples
-    motion = stage.library.motions[40]
-    assert example.motion.duration == pytest.approx(motion.duration, abs=0.35)
+    assert example.motion.duration == pytest.approx(stage.library.motions[40].duration, abs=0.35)
     assert example.recording.duration > example.motion.duration + 0.4
     assert "s kept" in stage.reason()
     (changed,) = [each for each in stage.told if isinstance(each, Changed)]
@@ -138,8 +137,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.stand(0.5)
     stage.perform()
-    recent = stage.teacher.recent(1)
-    assert recent.clip().duration == pytest.approx(10.3, abs=0.4)
+    assert stage.teacher.recent(1).clip().duration == pytest.approx(10.3, abs=0.4)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.perform()
     stage.ask(commands.Last("ann", 1.0, "bow"))
@@ -238,8 +236,7 @@ def test_a_hole_in_the_feed_makes_no_example() -> None:
 )
 def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
     """A command that makes no sense at this step is refused with a reason."""
-    stage = Stage()
-    (told,) = stage.ask(command)
+    (told,) = Stage().ask(command)
     assert told.step is Step.REFUSED
 
 
@@ -309,8 +306,7 @@ def _event(kind: EventKind, time: float, label: str = "squat1Reps", performer: s
 def _performed(stage: Stage, *, going_on: bool = False) -> float:
     """Perform a motion that is named some time after its beginning; give its seconds."""
     stage.stand(2.0)
-    began = 100 + stage.now
-    motion = stage.library.motions[40]
+    began, motion = 100 + stage.now, stage.library.motions[40]
     stage.teacher.named.push(_event(EventKind.START, began + 0.4))
     stage.show(motion.positions[:90] if going_on else motion.positions)
     if not going_on:

@@ -218,8 +218,7 @@ def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
         assert receiver.receive() is None
         assert receiver.counts.broken == 0
         receiver.socket.poll(20)
-    again = wire.sender(address, bind=not bind)
-    _greet(again, receiver)
+    _greet(wire.sender(address, bind=not bind), receiver)
     assert receiver.counts.broken == 0
 
 

@@ -292,8 +292,7 @@ def anchors(text: str) -> set[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_every_link_within_the_project_leads_somewhere(page: Path) -> None:
     """Each relative link or picture is a file of the project, each anchor one of that page's headings."""
-    links = re.findall(r"\]\(([^)\s]+)\)", _FENCE.sub("", PAGES[page]))
-    for link in links:
+    for link in re.findall(r"\]\(([^)\s]+)\)", _FENCE.sub("", PAGES[page])):
         if "://" in link or link.startswith("mailto:"):
             continue
         name, _, anchor = link.partition("#")

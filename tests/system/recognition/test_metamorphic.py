@@ -17,7 +17,6 @@ pytestmark = pytest.mark.slow
 Feed = list[Frame]
 Answers = Sequence[Recognition]
 
-SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 
 
@@ -81,7 +80,7 @@ def test_changes_that_do_not_matter(
     _assert_alike(first, pushed(Recognizer(small_library, settings), changed(feed)), within)
 
 
-@SIGNATURES
+@pytest.mark.parametrize("signature", LiveSignature)
 def test_a_mirror_image_is_answered_alike(small_library: MotionLibrary, feed: Feed, signature: LiveSignature) -> None:
     """To the last bit: distances know no left and right. Courses do: what starts and is done may differ."""
     mirrored = _moved(lambda positions: positions * [-1.0, 1.0, 1.0])(feed)

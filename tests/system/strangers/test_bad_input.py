@@ -214,8 +214,7 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     """Opening, writing, renaming and `fsync`, once and from then on, in all that keeps something for a person."""
     shim = tmp_path / "shim.so"
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", shim, FAULTS / "shim.c", "-ldl"], check=True)
-    surroundings = {**os.environ, "LD_PRELOAD": str(shim)}
-    found = json.loads(python(FAULTS / "work.py", env=surroundings).stdout)
+    found = json.loads(python(FAULTS / "work.py", env={**os.environ, "LD_PRELOAD": str(shim)}).stdout)
     assert {*found} == {"teaching", "building", "labelling", "recording", "keys", "cache", "midi"}
     assert {name: each["wrong"] for name, each in found.items()} == {name: [] for name in found}
     # The faults reach the calls.

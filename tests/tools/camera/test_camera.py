@@ -259,8 +259,7 @@ def test_every_picture_of_a_film_in_order_with_its_time(path: Path) -> None:
 @pytest.mark.slow
 def test_pictures_that_nobody_took_in_time_are_counted(path: Path) -> None:
     """At its own pace a film does not wait for a slow reader."""
-    read = film.Film(str(path), _never, paced=True)
-    taken = []
+    read, taken = film.Film(str(path), _never, paced=True), []
     for picture in read:
         taken.append(picture.time)
         time.sleep(3 / _RATE)

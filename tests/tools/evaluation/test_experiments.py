@@ -83,8 +83,7 @@ def test_keys_are_on_the_page_and_a_table_says_its_basis(
     if basis:
         work = getattr(experiment, name)
         monkeypatch.setattr(experiment, name, lambda *given, **more: done.append(work(*given, **more)) or done[-1])
-    printed = _printed(arguments)
-    row = ROWS[f"evaluate {arguments[1]}"]
+    printed, row = _printed(arguments), ROWS[f"evaluate {arguments[1]}"]
     assert sorted(key for key in _keys(printed) if f"`{key}`" not in row) == []
     if basis:
         monkeypatch.setattr(experiment, name, lambda *_, **__: done.pop(0))

@@ -112,8 +112,7 @@ def test_any_course_is_scored_as_a_walk_through_its_moments(
     courses = [_random_course(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
     courses = [replace(course, name=f"{place}") for place, course in enumerate(courses)]
     walked, score = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
-    exact = naive_score.stream_score(walked, window, 0.3)
-    values = values_of(score.figures)
+    exact, values = naive_score.stream_score(walked, window, 0.3), values_of(score.figures)
     assert values.keys() == exact.keys()
     for name, value in exact.items():
         assert values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name

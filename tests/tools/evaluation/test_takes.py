@@ -100,8 +100,7 @@ def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
 def test_a_segment_is_cut_to_its_movement(rate: float) -> None:
     """A second of movement in five of standing is kept, with an eighth of a second before and a sixth behind it."""
     times = np.arange(round(6 * rate)) / rate
-    gone = np.clip(times - 3.0, 0.0, 1.0)
-    positions = np.zeros((len(times), 6, 3)) + gone[:, None, None]
+    positions = np.zeros((len(times), 6, 3)) + np.clip(times - 3.0, 0.0, 1.0)[:, None, None]
     clip = replace(stick_clip("bow", frames=len(times), rate=rate), positions=positions + np.eye(6, 3))
     first, last = moved(clip, Segment(1.0, 6.0, "bow"))
     assert first / rate == pytest.approx(3.0 - 0.13, abs=0.08)
@@ -232,8 +231,7 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 @pytest.fixture(scope="module")
 def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Motions of two persons as takes: squats are known, sneaking is not."""
-    folder = tmp_path_factory.mktemp("takes")
-    library = MotionLibrary.builtin()
+    folder, library = tmp_path_factory.mktemp("takes"), MotionLibrary.builtin()
     table = "file,subject,contains,perhaps\n"
     for name, contains in (("squat1Reps", "squat1Reps"), ("sneak2StepsLStart", "")):
         for actor in ("mm", "tr"):

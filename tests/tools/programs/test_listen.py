@@ -11,6 +11,7 @@ from golden import LAYOUTS, bundle, message, moments
 from programs import LOOPBACK, free_udp_port, ghost_cues, ran, started
 from skeletons import names_of
 
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
@@ -165,9 +166,6 @@ def test_bones_that_never_came_are_named() -> None:
     assert any(line.startswith("bones that never came, and stay at rest: ") for line in advice(survey, guess, None))
 
 
-NATIVE = builtin_preset("native")
-
-
 @pytest.mark.parametrize(
     ("preset", "feed", "place", "expected"),
     [
@@ -180,5 +178,4 @@ NATIVE = builtin_preset("native")
 )
 def test_the_command_names_the_port(preset: str, feed: str | None, place: tuple[str, int], expected: str) -> None:
     """The command for recognition can be pasted: it listens on the same port."""
-    guess = _heard(NATIVE.joints).looked_at_as(builtin_preset(preset))
-    assert command(guess, feed, place) == expected
+    assert command(_heard(SKELETON.joints).looked_at_as(builtin_preset(preset)), feed, place) == expected

@@ -302,8 +302,7 @@ def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLi
 
 def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, library: MotionLibrary) -> None:
     """Teaching a performer with too few of the library's joints is refused with the reason."""
-    joints = library.skeleton.joints[:3]
-    stage.push(Announcement("bob", joints))
+    stage.push(Announcement("bob", library.skeleton.joints[:3]))
     for place in range(8):
         stage.push(Frame("bob", place / 60, np.ones((3, 3))))
     for command, told in (
@@ -554,8 +553,7 @@ def test_a_file_that_loses_examples_is_kept(tmp_path: Path, motion: Clip) -> Non
 @pytest.mark.slow
 def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip) -> None:
     """Further joints, names, and learned numbers stay; what is undone leaves it as it was."""
-    path = tmp_path / "mine.npz"
-    builtin = MotionLibrary.builtin()
+    path, builtin = tmp_path / "mine.npz", MotionLibrary.builtin()
     classes = ("squat1Reps", "kickLFront1Reps")
     rich = builtin.without(classes=[name for name in builtin.classes if name not in classes])
     skeleton = Skeleton((*rich.skeleton.joints, "prop"))

@@ -31,8 +31,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 def test_a_folder_becomes_a_library(tmp_path: Path) -> None:
     """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
     (tmp_path / "cut").mkdir()
-    paths = write_clips(tmp_path / "cut")
-    output = tmp_path / "mine.npz"
+    paths, output = write_clips(tmp_path / "cut"), tmp_path / "mine.npz"
     status, printed, _ = ran("build", tmp_path / "cut", "-o", output)
     built = MotionLibrary.load(output)
     assert built.classes == tuple(sorted(SWINGS))

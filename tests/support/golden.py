@@ -343,5 +343,4 @@ def moments(
     """Show a body of HDM05's joints as a product does: the time of each frame, and its datagrams."""
     for number, joints in enumerate(positions):
         time = begin + number / rate
-        places = dict(zip(SKELETON.joints, joints, strict=True))
-        yield time, LAYOUTS[layout][1](Moment(places, time, number))
+        yield time, LAYOUTS[layout][1](Moment(dict(zip(SKELETON.joints, joints, strict=True)), time, number))

@@ -149,8 +149,7 @@ def test_more_names_than_a_body_has_are_compared_with_no_table() -> None:
 
 def test_a_given_convention_is_used() -> None:
     """A given convention renames the joints it knows, however few; as-they-are renames none."""
-    labels = ("head", "spine1", "prop")
-    assert Naming.asked("smpl").read(labels).joints == ("upperneck", "lowerback", "prop")
+    assert Naming.asked("smpl").read(("head", "spine1", "prop")).joints == ("upperneck", "lowerback", "prop")
     assert Naming.asked("as-they-are").read(SMPL) == (SMPL, None)
     assert Naming.asked("auto") == Naming()
     with pytest.raises(

@@ -27,8 +27,7 @@ def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
 
 def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
     """Compare one window with every window of an index, as at each hop."""
-    leading = np.zeros(len(index.basis.directions.T))
-    return index.distances([Signature(numbers, leading, 0.1, 0.5, 0.5)])[0].logs
+    return index.distances([Signature(numbers, np.zeros(len(index.basis.directions.T)), 0.1, 0.5, 0.5)])[0].logs
 
 
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
@@ -112,8 +111,7 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
     one_by_one = first.with_motions(clips[:1]).with_motions(clips[1:])
     _assert_same_windows(one_by_one, index)
     assert one_by_one.base is first
-    closer = first.with_motions(clips[:1]).with_motions(clips[1:], every=0.1)
-    assert len(closer) > len(index)
+    assert len(first.with_motions(clips[:1]).with_motions(clips[1:], every=0.1)) > len(index)
     for learned in ("comparison", "basis", "rejection"):
         assert getattr(index, learned) is getattr(first, learned)
 

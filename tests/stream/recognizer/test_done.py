@@ -11,6 +11,7 @@ from operator import itemgetter
 import naive_courses as naive
 import numpy as np
 import pytest
+from fakes import pushed, shown
 from naive_courses import Pace, beginning_of, gone_on, median_of, weighed
 from numpy.typing import NDArray
 
@@ -18,7 +19,7 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, distanc
 from kinespace.library.phases import VELOCITY, PhaseTable
 from kinespace.library.signature.own_frame import STEP, own_path
 from kinespace.library.windows.courses import Courses, path_of
-from kinespace.stream import Done, Frame, Recognizer, Settings
+from kinespace.stream import Done, Recognizer, Settings
 from kinespace.stream.recognizer import decision
 from kinespace.stream.recognizer.decision import Judged
 from kinespace.stream.recognizer.done import DoneFollower, costs_of
@@ -51,12 +52,15 @@ def joined(clips: Sequence[Clip]) -> list[np.ndarray]:
     return pieces
 
 
-def said(index: WindowIndex, clips: Sequence[np.ndarray], rate: float = 60.0, **settings: float) -> list[Done]:
+def done_by(recognizer: Recognizer, clips: Sequence[np.ndarray], begin: float = 0.0) -> list[Done]:
     """Push pieces of positions, one behind the other and a second of stillness behind them; give what was done."""
-    positions = np.concatenate([*clips, np.repeat(clips[-1][-1:], round(rate), axis=0)])
-    recognizer = Recognizer(index, Settings(**settings))
-    answers = (recognizer.push(Frame("p", place / rate, each)) for place, each in enumerate(positions))
-    return [answer.done for answer in answers if answer and answer.done]
+    positions = np.concatenate([*clips, np.repeat(clips[-1][-1:], 60, axis=0)])
+    return [answer.done for answer in pushed(recognizer, shown(positions, 60.0, begin=begin)) if answer.done]
+
+
+def said(index: WindowIndex, clips: Sequence[np.ndarray], **settings: float) -> list[Done]:
+    """Give what was done of pieces of positions."""
+    return done_by(Recognizer(index, Settings(**settings)), clips)
 
 
 @pytest.mark.slow
@@ -226,23 +230,16 @@ def test_a_gap_and_another_library(index: WindowIndex, hop: float) -> None:
     clip = clips_of(SQUAT)[3]
     recognizer = Recognizer(index, Settings(false_alarms=60.0, hop=hop))
 
-    def pushed(since: float, stands: int = 60) -> list[str]:
-        still = np.repeat(clip.positions[-1:], stands, axis=0)
-        answers = [
-            recognizer.push(Frame("p", since + place / 60, each))
-            for place, each in enumerate(np.concatenate([clip.positions, still]))
-        ]
-        return [answer.done.label for answer in answers if answer and answer.done]
+    def found(begin: float) -> list[str]:
+        return [each.label for each in done_by(recognizer, [clip.positions], begin)]
 
-    assert pushed(0.0) == [SQUAT]
-    assert pushed(100.0) == [SQUAT]
-    assert pushed(20.0) == [SQUAT]
+    assert [found(begin) for begin in (0.0, 100.0, 20.0)] == [[SQUAT]] * 3
     recognizer.reset()
-    assert pushed(150.0) == [SQUAT]
+    assert found(150.0) == [SQUAT]
     recognizer.exchange(index.library.without(classes=[ARMS]))
-    assert pushed(200.0) == [SQUAT]
+    assert found(200.0) == [SQUAT]
     recognizer.exchange(index.library.without(classes=[SQUAT]))
-    assert pushed(300.0) == []
+    assert found(300.0) == []
 
 
 @pytest.mark.parametrize("ends", ["exchange", "reset"])
@@ -250,14 +247,14 @@ def test_what_no_answer_has_said_goes_with_its_library_and_its_performer(index: 
     """A motion that was seen between two slow hops is not said of a class that is gone, or of the next performer."""
     recognizer, positions = Recognizer(index, Settings(false_alarms=60.0, hop=8.0)), clips_of(SQUAT)[3].positions
     body = np.concatenate([positions, np.repeat(positions[-1:], 600, axis=0)])
-    frames = [Frame("p", place / 60, each) for place, each in enumerate(body)]
-    before = [answer for frame in frames[: len(positions) + 60] if (answer := recognizer.push(frame))]
+    frames = shown(body, 60.0)
+    before = pushed(recognizer, frames[: len(positions) + 60])
     assert not any(answer.done for answer in before)
     if ends == "exchange":
         recognizer.exchange(index.library.without(classes=[SQUAT]))
     else:
         recognizer.reset()
-    after = [answer for frame in frames[len(positions) + 60 :] if (answer := recognizer.push(frame))]
+    after = pushed(recognizer, frames[len(positions) + 60 :])
     assert after
     assert not any(answer.done for answer in after)
 
@@ -281,8 +278,7 @@ def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
     squat, grab = (clips_of(name)[0] for name in (SQUAT, "grabHighR"))
     index = opened(builtin).with_motions([replace(squat, class_name="mine", actor="")])
     recognizer = Recognizer(index)
-    for number, positions in enumerate([*squat.positions[::4], *grab.positions[::4]]):
-        recognizer.push(Frame("me", number / 30, positions))
+    pushed(recognizer, shown([*squat.positions[::4], *grab.positions[::4]], 30.0))
     one, _, five, *_ = index.rejection.thresholds.round(3).tolist()
     assert found.pop("mine") == {five}
     assert set().union(*found.values()) == {one}

@@ -54,8 +54,7 @@ def test_what_must_not_be_said_only_lowers_limits(
     more = third.with_example(_example(5, "kick", _motions("kickLFront1Reps")[2]))
     for roster in (first, second, third, first, third, more):
         index = windows.index_of(roster)
-        compared = [index.library.motions[place] for place in np.unique(index.motions).tolist()]
-        anew = Courses.of(compared)
+        anew = Courses.of([index.library.motions[place] for place in np.unique(index.motions).tolist()])
         assert index.courses.classes == anew.classes
         # Windows that are compared together are rounded otherwise.
         assert index.courses.limits == pytest.approx(anew.limits, abs=1e-6)

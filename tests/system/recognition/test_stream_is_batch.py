@@ -149,8 +149,7 @@ def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) 
     clip = clips[0]
     pose = np.repeat(clip.positions[60:61], 150, axis=0)
     pose += noise * np.random.default_rng(16).normal(size=pose.shape)
-    frames = _frames(clip.moved_to(np.concatenate([clip.positions[:60], pose])))
-    answers = _compare(twin, frames)
+    answers = _compare(twin, _frames(clip.moved_to(np.concatenate([clip.positions[:60], pose]))))
     assert answers[-1].outcome is Outcome.STILL
     assert answers[0].outcome is not Outcome.STILL
 

@@ -406,8 +406,7 @@ def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch: pytest.Monke
 def test_bodies_of_a_film_are_sent(demo_film: Path) -> None:
     """The demo film: found nearly always, frames with the film's times, joints announced."""
     with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
-        place = f"{LOOPBACK}:{receiver.address[1]}"
-        status, said, errors = ran("camera", demo_film, "--fast", "--osc", place)
+        status, said, errors = ran("camera", demo_film, "--fast", "--osc", f"{LOOPBACK}:{receiver.address[1]}")
         decoder, frames = OscDecoder(), []
         while packet := receiver.receive():
             frames += decoder.decode(packet, 0.0, ("", 0))

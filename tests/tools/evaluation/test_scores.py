@@ -357,8 +357,7 @@ def test_elan_reads_what_was_said(tmp_path: Path) -> None:
     assert {tier.attrib["PARTICIPANT"] for tier in root.iter("TIER")} == {"ann"}
     # A motion that begins and ends at once is none, and no name makes another file than XML.
     at_once = replace(course.answers[0], events=[Event("p", kind, "bow", 0, 0.9, 0.05) for kind in EventKind])
-    odd = replace(course, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),))
-    write_annotations(path, [odd])
+    write_annotations(path, [replace(course, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),))])
     assert [each.text for each in ET.parse(path).iter("ANNOTATION_VALUE")] == ["b\ufffdow"]  # noqa: S314 - as above
     with pytest.raises(ValueError, match="expected one take in a file of ELAN, got 2"):
         is_annotation(path, 2)

@@ -289,8 +289,7 @@ def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLi
     stage = Stage(tmp_path / "mine.npz", library if beside else None)
     kept = [place for place, name in enumerate(library.skeleton.joints) if not name.endswith(FURTHER_JOINTS)]
     assert len(kept) == 20
-    joints = tuple(library.skeleton.joints[place] for place in reversed(kept))
-    stage.push(Announcement("ann", joints))
+    stage.push(Announcement("ann", tuple(library.skeleton.joints[place] for place in reversed(kept))))
     _teach(stage, 10, "my squat", "squat1Reps", kept[::-1])
     _teach(stage, 20, "my kick", "kickLFront1Reps", kept[::-1])
     assert _show(stage, 30, "squat1Reps", 1, kept[::-1])[:1] == ["my squat"]

@@ -110,8 +110,7 @@ def test_a_class_of_the_built_in_library_can_be_named(
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
 def test_frames_that_nobody_hears_are_counted(transport: str, take: Path) -> None:
     """Where no program listens the report says so, counts the packets, and the status is 1."""
-    port = free_udp_port()
-    to = {"osc": ("--osc", f"{LOOPBACK}:{port}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
+    to = {"osc": ("--osc", f"{LOOPBACK}:{free_udp_port()}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
     status, printed, _ = replay(take, *to)
     _, sent, unheard = printed.splitlines()
     assert (status, sent) == (1, "180 frames sent, 0 refused by the system")

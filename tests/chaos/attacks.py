@@ -106,11 +106,6 @@ def new_names() -> Iterator[bytes]:
     return (_body(f"n{number}", 1.0) for number in count())
 
 
-def many_messages() -> Iterator[bytes]:
-    """Give datagrams of 4,000 messages each."""
-    return repeat(bundle(*[b"/a\0\0,\0\0\0"] * 4000))
-
-
 def packed(size: int) -> Iterator[bytes]:
     """Give datagrams of so many right frames each."""
     frames = [_body("loud", 1.0 + number / 8000) for number in range(16_000)]
@@ -149,11 +144,6 @@ def commands() -> Iterator[bytes]:
 # --- messages by ZeroMQ ---
 
 
-def zmq_garbage() -> Iterator[list[bytes]]:
-    """Give messages that nobody sends."""
-    return repeat([b"hello/", b"x" * 64])
-
-
 def zmq_lists() -> Iterator[list[bytes]]:
     """Give msgpack of a quarter of a million empty lists."""
     return repeat([b"\x82\xa1v\x01\xa1x\xdd" + struct.pack(">I", 250_000) + b"\x90" * 250_000])
@@ -164,11 +154,6 @@ def zmq_headers() -> Iterator[list[bytes]]:
     deep = [b"frame/x/", b'{"v":1,"joints":' + b"[" * 60_000, b""]
     long = [b"frame/x/", b'{"v":1,"seq":' + b"9" * 4300 + b',"t":1,"shape":[1,3],"dtype":"<f4"}', bytes(12)]
     return cycle([deep, long])
-
-
-def zmq_parts() -> Iterator[list[bytes]]:
-    """Give messages of a thousand parts."""
-    return repeat([b"x"] * 1000)
 
 
 def zmq_impostor() -> Iterator[list[bytes]]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from chaos import attacks
 from chaos.attacks import flood, publish
 from chaos.performer import FRAME_RATE
 from chaos.trial import Trial, kept, page_of
+from golden import bundle
 from programs import Program, started
 
 from kinespace.library import MotionLibrary
@@ -117,7 +119,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("nothing, by ZeroMQ", over="zmq"),
     _flooded("20,000 packets of garbage a second", attacks.garbage, 20_000),
     _flooded("10,000 new names a second", attacks.new_names, 10_000),
-    _flooded("30 Mbit/s, 4,000 messages a datagram", attacks.many_messages, 0),
+    _flooded("30 Mbit/s, 4,000 messages a datagram", partial(repeat, bundle(*[b"/a\0\0,\0\0\0"] * 4000)), 0),
     # More than are read, and as many as are.
     _flooded("30 Mbit/s, 110 right frames a datagram", partial(attacks.packed, 110), 0),
     _flooded(f"30 Mbit/s, {MAX_FRAMES} right frames a datagram", partial(attacks.packed, MAX_FRAMES), 0),
@@ -125,10 +127,10 @@ TRIALS: tuple[Trial, ...] = (
     _flooded("the performer's name from another port", attacks.impostor, 3 * 120),
     _flooded("joints announced from another port before the performer comes", attacks.foreign_joints, 10, first=True),
     _crowded("32 invented performers before the performer comes", 32, 8, first=True),
-    _published("20,000 messages of garbage a second", attacks.zmq_garbage, 20_000),
+    _published("20,000 messages of garbage a second", partial(repeat, [b"hello/", b"x" * 64]), 20_000),
     _published("30 Mbit/s of empty lists in msgpack", attacks.zmq_lists, 0),
     _published("30 Mbit/s of deep and long headers", attacks.zmq_headers, 116),
-    _published("20,000 parts a second", attacks.zmq_parts, 20),
+    _published("20,000 parts a second", partial(repeat, [b"x"] * 1000), 20),
     _published("the performer's name from another connection", attacks.zmq_impostor, 240),
     Trial("ZeroMQ: 20 subscriptions of 1 MB", attacks.large_subscriptions, "zmq"),
     Trial("ZeroMQ: 1,300 silent connections before the performer's", attacks.silent_connections, "zmq", first=True),

@@ -12,7 +12,7 @@ from golden import bundle, message
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import Mapper, PresetError, builtin_names, builtin_preset, load_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
-from kinespace.stream.feeds.message_reader import MessageError, Reading
+from kinespace.stream.feeds.message_reader import MessageError
 from kinespace.stream.feeds.preset import Closing, parse_preset
 from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens
 from kinespace.stream.frame import Announcement, Frame
@@ -69,16 +69,11 @@ def test_a_mistake_is_one_line(old: str, new: str) -> None:
     assert ", got " in told
 
 
-def read(target: Mapper, packet: bytes) -> Reading:
-    """Read one message that is understood."""
-    (decoded,) = decode_packet(packet)
-    return target.read(decoded)
-
-
 def test_more_joints_than_names_are_refused() -> None:
     """A whole frame with more joints than the order has, or a broken group, is a wrong message; fewer are taken."""
     target = Mapper(builtin_preset("nimate-omni"))
-    assert len(read(target, message("/skeleton", "f" * 42, *[1.0] * 42)).sightings) == 14
+    (decoded,) = decode_packet(message("/skeleton", "f" * 42, *[1.0] * 42))
+    assert len(target.read(decoded).sightings) == 14
     for count in (48, 44, 0):
         with pytest.raises(MessageError):
             target.read(Message("/skeleton", [1.0] * count))

@@ -25,13 +25,6 @@ from kinespace.stream.teaching import Asked, commands
 ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)
 
 
-def greedy(turns: Turns, now: float) -> None:
-    """Let Eve take a second, of which no more is held against her than takes half a second to pay off."""
-    turns.comes_last(ANN, now)
-    turns.comes_last(EVE, now)
-    turns.charge(EVE, 1.0, 0, now)
-
-
 def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
     """A sender within its share never comes last. A sender that took too much does, and not for long after it stops."""
     turns = Turns()
@@ -40,7 +33,10 @@ def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
         assert not turns.comes_last(ANN, now)
         assert not turns.comes_last(EVE, now)
         turns.charge(ANN, 0.9 * SHARE / 100, 0, now)
-    greedy(turns, 10.0)
+    # Eve takes a second, of which no more is held against her than takes half a second to pay off.
+    assert not turns.comes_last(ANN, 10.0)
+    assert not turns.comes_last(EVE, 10.0)
+    turns.charge(EVE, 1.0, 0, 10.0)
     assert turns.comes_last(EVE, 10.0)
     assert not turns.comes_last(ANN, 10.1)
     assert turns.last(10.1) == [EVE]

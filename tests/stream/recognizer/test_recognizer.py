@@ -31,10 +31,8 @@ from kinespace.stream.recognizer.settings import LiveSignature, index_for, neede
 from kinespace.stream.recognizer.window import Window
 from kinespace.tools.feeding.feed import resampled
 
-
-def _frames(class_name: str) -> list[Frame]:
-    """Perform a class twice a second, for three seconds."""
-    return shown(stick_clip(class_name, seed=50, frames=360).positions)
+#: Bows twice a second, for three seconds.
+BOWING = shown(stick_clip("bow", seed=50, frames=360).positions)
 
 
 # --- when it answers ---------------------------------------------------------------------------------------------
@@ -79,7 +77,7 @@ def test_frames_are_taken_and_answered_as_by_the_twin(  # noqa: PLR0913, PLR0917
 
 def test_it_follows_one_performer(sticks: MotionLibrary) -> None:
     """Frames of another performer, or of another body, are refused until a reset, and change nothing."""
-    recognizer, frames = Recognizer(sticks), _frames("bow")
+    recognizer, frames = Recognizer(sticks), BOWING
     answers = pushed(recognizer, frames[:150])
     with pytest.raises(ValueError, match="performer: expected 'p' until `reset`, got 'q'"):
         recognizer.push(replace(frames[150], performer="q"))
@@ -100,7 +98,7 @@ def test_a_hops_covariance_is_the_batchs_and_its_best_product_the_papers_answer(
     sticks: MotionLibrary, signature: LiveSignature
 ) -> None:
     """The covariance equals numpy's of the window's rows, and the class is of the window with the largest product."""
-    recognizer, frames = Recognizer(sticks, Settings(signature=signature)), _frames("bow")
+    recognizer, frames = Recognizer(sticks, Settings(signature=signature)), BOWING
     with pytest.raises(ValueError, match="covariance: expected an answer before, got none yet"):
         recognizer.covariance()
     index = index_for(sticks, recognizer.settings)
@@ -127,7 +125,7 @@ def test_copies_are_refused_in_words(sticks: MotionLibrary, copied: Callable[[ob
 
 def test_every_change_is_for_one_thread_at_a_time(sticks: MotionLibrary) -> None:
     """A call during another call is refused, whatever it changes; afterwards the recogniser is usable."""
-    recognizer, frames = Recognizer(sticks), _frames("bow")
+    recognizer, frames = Recognizer(sticks), BOWING
     changes = (
         recognizer.reset,
         recognizer.end,
@@ -185,7 +183,7 @@ def test_in_another_library_no_window_and_no_answer_is_lost(
     sticks: MotionLibrary, small_library: MotionLibrary
 ) -> None:
     """The next hop is compared with the new one; a motion whose class is gone ends; other joints are refused."""
-    frames, settings_ = _frames("bow"), Settings(progress=True)
+    frames, settings_ = BOWING, Settings(progress=True)
     index = opened(sticks)
     fewer = index.of_some([place for place, each in enumerate(sticks.motions) if each.class_name != "bow"])
     expected, never = (pushed(Recognizer(each, settings_), frames) for each in (index, fewer))

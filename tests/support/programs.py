@@ -9,11 +9,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout
 from functools import cache, partial
 from io import StringIO
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -177,14 +177,20 @@ def builtin_library() -> MotionLibrary:
     return MotionLibrary.builtin()
 
 
+def motions_of(class_name: str, actor: str = "bd") -> list[Clip]:
+    """Choose motions of the built-in library."""
+    return [each for each in builtin_library().motions if (each.class_name, each.actor) == (class_name, actor)]
+
+
+def two_of_each(classes: Sequence[str], actors: Sequence[str]) -> tuple[Clip, ...]:
+    """Choose two motions of each class by each actor."""
+    return tuple(each for both in product(classes, actors) for each in motions_of(*both)[:2])
+
+
 @cache
 def small_library() -> MotionLibrary:
     """Give a library that opens fast: two motions of each of three classes by each of three people, its teachers."""
-    kept: dict[tuple[str, str], list[Clip]] = defaultdict(list)
-    for motion in builtin_library().motions:
-        if motion.class_name in SMALL_CLASSES and motion.actor in SMALL_ACTORS:
-            kept[motion.class_name, motion.actor].append(motion)
-    return MotionLibrary.of_clips(clip for clips in kept.values() for clip in clips[:2])
+    return MotionLibrary.of_clips(two_of_each(SMALL_CLASSES, SMALL_ACTORS))
 
 
 @cache

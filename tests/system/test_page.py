@@ -15,7 +15,7 @@ import pytest
 from golden import LAYOUTS, Moment
 from numpy.typing import NDArray
 from PIL import Image
-from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, started
+from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, motions_of, started
 
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement, encode_frame
@@ -94,7 +94,7 @@ class Performer:
 
 def takes(class_name: str) -> list[NDArray[np.float64]]:
     """Give one person's takes of a class."""
-    return [each.positions for each in builtin_library().motions if (each.class_name, each.actor) == (class_name, "bd")]
+    return [each.positions for each in motions_of(class_name)]
 
 
 @contextmanager

@@ -5,7 +5,6 @@ import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import groupby, islice
 from operator import itemgetter
 
 import naive_courses as naive
@@ -14,6 +13,7 @@ import pytest
 from fakes import pushed, shown
 from naive_courses import Pace, beginning_of, gone_on, median_of, weighed
 from numpy.typing import NDArray
+from programs import motions_of, two_of_each
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, distance_rows, opened
 from kinespace.library.phases import VELOCITY, PhaseTable
@@ -34,11 +34,6 @@ def index() -> WindowIndex:
     builtin = MotionLibrary.builtin()
     some = [each for each in builtin.motions if each.class_name in {SQUAT, ARMS, DOWN} and each.actor != "bd"]
     return opened(replace(builtin, motions=tuple(some)))
-
-
-def clips_of(class_name: str, actor: str = "bd") -> list[Clip]:
-    """Choose motions."""
-    return [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, actor)]
 
 
 def joined(clips: Sequence[Clip]) -> list[np.ndarray]:
@@ -66,7 +61,7 @@ def said(index: WindowIndex, clips: Sequence[np.ndarray], **settings: float) -> 
 @pytest.mark.slow
 def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
     """Four squats one behind the other are four motions, each about where it was and as long as it was."""
-    clips = clips_of(SQUAT)[2:6]
+    clips = motions_of(SQUAT)[2:6]
     ends = np.cumsum([clip.frames for clip in clips]) / 60 + 0.5 * np.arange(4)
     done = said(index, joined(clips), false_alarms=60.0)
     assert [each.label for each in done] == [SQUAT] * 4
@@ -82,7 +77,7 @@ def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
 @pytest.mark.parametrize("name", [SQUAT, ARMS])
 def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) -> None:
     """Of the first halves of motions none is done, of whole ones most are."""
-    clips = clips_of(name)[::2]
+    clips = motions_of(name)[::2]
     whole = [bool(said(index, [clip.positions], false_alarms=60.0)) for clip in clips]
     half = [bool(said(index, [clip.positions[: clip.frames // 2]])) for clip in clips]
     assert sum(whole) > len(clips) / 2
@@ -92,8 +87,8 @@ def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) 
 @pytest.mark.parametrize("taught_by", ["one", "several"])
 def test_limits_of_one_persons_motions_fall_with_time(index: WindowIndex, taught_by: str) -> None:
     """A window that lasts longer or shorter than a motion must cost less, unless several persons taught the limit."""
-    one = Courses.of([clip for name in (SQUAT, ARMS) for clip in clips_of(name)[:2]])
-    courses, clip = index.courses if taught_by == "several" else one, clips_of(SQUAT)[3]
+    one = Courses.of([clip for name in (SQUAT, ARMS) for clip in motions_of(name)[:2]])
+    courses, clip = index.courses if taught_by == "several" else one, motions_of(SQUAT)[3]
     follower, looks = DoneFollower(courses, clip.skeleton, 6.0), 0
     for time, frame in zip(clip.times, clip.positions, strict=True):
         if (asked := follower.push([float(time)], frame[None])) is None:
@@ -111,7 +106,7 @@ def test_limits_of_one_persons_motions_fall_with_time(index: WindowIndex, taught
 
 def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     """A squat that is nearer to an example of nothing than to other squats is not said."""
-    clip = clips_of(SQUAT)[3]
+    clip = motions_of(SQUAT)[3]
     assert [each.label for each in said(index, [clip.positions])] == [SQUAT]
     assert not said(index.with_motions([replace(clip, class_name=NOTHING)]), [clip.positions])
 
@@ -169,7 +164,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
 def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None:
     """The same motions at the same looks, on real motions one behind the other."""
     few = index.of_some(range(0, len(index.library.motions), 4))
-    clips = [clip for name in (SQUAT, DOWN, ARMS) for clip in clips_of(name)[1:3]]
+    clips = [clip for name in (SQUAT, DOWN, ARMS) for clip in motions_of(name)[1:3]]
     positions = np.concatenate([each[::2] for each in joined(clips)])
     clip = replace(clips[0], positions=positions, frame_rate=30.0)
     points, follower = path_of(clip), DoneFollower(few.courses, clip.skeleton, 6.0)
@@ -227,7 +222,7 @@ def test_a_gap_and_another_library(index: WindowIndex, hop: float) -> None:
 
     After a reset another performer may follow. Nothing is said of a class that was taken away.
     """
-    clip = clips_of(SQUAT)[3]
+    clip = motions_of(SQUAT)[3]
     recognizer = Recognizer(index, Settings(false_alarms=60.0, hop=hop))
 
     def found(begin: float) -> list[str]:
@@ -245,7 +240,7 @@ def test_a_gap_and_another_library(index: WindowIndex, hop: float) -> None:
 @pytest.mark.parametrize("ends", ["exchange", "reset"])
 def test_what_no_answer_has_said_goes_with_its_library_and_its_performer(index: WindowIndex, ends: str) -> None:
     """A motion that was seen between two slow hops is not said of a class that is gone, or of the next performer."""
-    recognizer, positions = Recognizer(index, Settings(false_alarms=60.0, hop=8.0)), clips_of(SQUAT)[3].positions
+    recognizer, positions = Recognizer(index, Settings(false_alarms=60.0, hop=8.0)), motions_of(SQUAT)[3].positions
     body = np.concatenate([positions, np.repeat(positions[-1:], 600, axis=0)])
     frames = shown(body, 60.0)
     before = pushed(recognizer, frames[: len(positions) + 60])
@@ -275,7 +270,7 @@ def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
 
     monkeypatch.setattr(decision, "averaged", averaging)
     monkeypatch.setattr(DoneFollower, "know", know)
-    squat, grab = (clips_of(name)[0] for name in (SQUAT, "grabHighR"))
+    squat, grab = (motions_of(name)[0] for name in (SQUAT, "grabHighR"))
     index = opened(builtin).with_motions([replace(squat, class_name="mine", actor="")])
     recognizer = Recognizer(index)
     pushed(recognizer, shown([*squat.positions[::4], *grab.positions[::4]], 30.0))
@@ -291,8 +286,7 @@ def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
 def opened_few() -> WindowIndex:
     """Open two motions of each of three classes by each actor, compared as the whole library's are."""
     builtin = MotionLibrary.builtin()
-    by_both = groupby(builtin.motions, key=lambda clip: (clip.class_name, clip.actor))
-    some = tuple(each for (name, _), own in by_both for each in islice(own, 2) if name in {SQUAT, ARMS, DOWN})
+    some = two_of_each((SQUAT, ARMS, DOWN), builtin.actors)
     return WindowIndex.of(replace(builtin, motions=some))
 
 
@@ -321,7 +315,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
     past, pace, count = list["NDArray[np.float64]"](), Pace(float(few.speeds.mean())), few.speeds.shape[1]
     beginning = beginning_of(count)
     belief = [[each / 4 for each in beginning]] * 4
-    for index, point in enumerate(points_of(clips_of(class_name, "bk")[0].positions[::2])[:60]):
+    for index, point in enumerate(points_of(motions_of(class_name, "bk")[0].positions[::2])[:60]):
         past.append(point)
         belief = gone_on(belief, beginning, cyclic=few.cyclic)
         live = np.concatenate([point, VELOCITY * (point - past[max(0, len(past) - 5)])])
@@ -338,7 +332,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
 
 def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
     """Seen at every second or third step, the progress is as if the points between had been seen, too."""
-    points = points_of(clips_of(ARMS, "bk")[0].positions[:160:5])
+    points = points_of(motions_of(ARMS, "bk")[0].positions[:160:5])
     for apart in (2, 3):
         seldom, often = (ProgressFollower(table_without("bk")) for _ in range(2))
         for place, point in enumerate(points):

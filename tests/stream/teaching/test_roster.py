@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from programs import motions_of
 from synthetic import gesture, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, by_joints, opened
@@ -14,10 +15,6 @@ from kinespace.stream.teaching.movement import Movement, MovementMeter, StretchF
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 
 
-def _motions(class_name: str) -> list[Clip]:
-    return [each for each in MotionLibrary.builtin().motions if each.actor == "bd" and each.class_name == class_name]
-
-
 def _example(number: int, class_name: str, motion: Clip) -> Example:
     return Example(number, class_name, motion, 0.0, motion.duration)
 
@@ -26,7 +23,7 @@ def _roster(*taught: tuple[str, str, int]) -> Roster:
     """Teach classes by motions: (class, HDM05's class, which)."""
     roster = Roster()
     for name, shown, which in taught:
-        roster = roster.with_example(_example(roster.next_number, name, _motions(shown)[which]))
+        roster = roster.with_example(_example(roster.next_number, name, motions_of(shown)[which]))
     return roster
 
 
@@ -49,9 +46,9 @@ def test_what_must_not_be_said_only_lowers_limits(
     """Courses that are kept from change to change are those of a library opened anew; undone examples count no more."""
     windows = TaughtWindows(small_index, with_base=with_base, either_side=either_side)
     first = _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0))
-    second = first.with_example(_example(3, "nothing", _motions("squat1Reps")[1]))
-    third = second.with_example(_example(4, "nothing", _motions("kickLFront1Reps")[1]))
-    more = third.with_example(_example(5, "kick", _motions("kickLFront1Reps")[2]))
+    second = first.with_example(_example(3, "nothing", motions_of("squat1Reps")[1]))
+    third = second.with_example(_example(4, "nothing", motions_of("kickLFront1Reps")[1]))
+    more = third.with_example(_example(5, "kick", motions_of("kickLFront1Reps")[2]))
     for roster in (first, second, third, first, third, more):
         index = windows.index_of(roster)
         anew = Courses.of([index.library.motions[place] for place in np.unique(index.motions).tolist()])

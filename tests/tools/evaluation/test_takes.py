@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import SMALL_CLASSES, ran, small_library
+from programs import SMALL_CLASSES, motions_of, ran, small_library
 from synthetic import stick_clip
 from written import trc_text, write_take
 
@@ -111,10 +111,8 @@ def test_a_segment_is_cut_to_its_movement(rate: float) -> None:
 
 def test_segments_that_teach_do_not_ask() -> None:
     """A squat is asked behind the one that teaches: words in the first and in a repeated command count neither way."""
-    squat, arms, other = (
-        next(each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (name, "bd"))
-        for name in ("squat1Reps", "rotateArmsBothBackward1Reps", "kickLFront1Reps")
-    )
+    names = ("squat1Reps", "rotateArmsBothBackward1Reps", "kickLFront1Reps")
+    squat, arms, other = (motions_of(name)[0] for name in names)
     order = [squat, arms, other, arms, squat]
     labels = ["squat", "arms", "kick", "repeated", "squat"]
     ends = np.cumsum([each.duration for each in order]).tolist()
@@ -231,11 +229,11 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 @pytest.fixture(scope="module")
 def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Motions of two persons as takes: squats are known, sneaking is not."""
-    folder, library = tmp_path_factory.mktemp("takes"), MotionLibrary.builtin()
+    folder = tmp_path_factory.mktemp("takes")
     table = "file,subject,contains,perhaps\n"
     for name, contains in (("squat1Reps", "squat1Reps"), ("sneak2StepsLStart", "")):
         for actor in ("mm", "tr"):
-            clip = next(each for each in library.motions if (each.class_name, each.actor) == (name, actor))
+            clip = motions_of(name, actor)[0]
             text = trc_text(clip.skeleton.joints, clip.positions, rate=clip.frame_rate, unit="m")
             (folder / f"{name}_{actor}.trc").write_text(text, encoding="utf-8")
             table += f"{name}_{actor}.trc,{actor},{contains},\n"

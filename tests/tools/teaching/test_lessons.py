@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 import zmq
 from fakes import FakeSink
-from programs import PATIENCE, until
+from programs import PATIENCE, motions_of, two_of_each, until
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, library_file
 from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
@@ -41,10 +40,8 @@ FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperne
 @pytest.fixture(scope="module")
 def library() -> MotionLibrary:
     """Give two motions of each of three classes by each of three persons, which are opened quickly."""
-    whole, few = MotionLibrary.builtin(), list[Clip]()
-    for named in product(("squat1Reps", "kickLFront1Reps", "grabHighR"), ("bk", "dg", "mm")):
-        few += [each for each in whole.motions if (each.class_name, each.actor) == named][:2]
-    return replace(whole, motions=tuple(few))
+    few = two_of_each(("squat1Reps", "kickLFront1Reps", "grabHighR"), ("bk", "dg", "mm"))
+    return replace(MotionLibrary.builtin(), motions=few)
 
 
 class Stage:
@@ -84,8 +81,7 @@ def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
 
 def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Sequence[int] = range(31)) -> list[str]:
     """Show a motion between stillnesses by some joints; give the classes that started."""
-    own = [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, "bd")]
-    motion = own[take].positions
+    motion = motions_of(class_name)[take].positions
     shown = [each[joints] for each in (*[motion[0]] * 60, *motion, *[motion[-1]] * 60)]
     answers = [stage.push(Frame("ann", begin + place / 60, each)) for place, each in enumerate(shown)]
     return [event.label for each in answers if each for event in each.events if event.kind == "start"]

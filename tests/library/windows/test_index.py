@@ -60,9 +60,7 @@ def test_a_motion_too_short_for_a_window_stays(people: MotionLibrary) -> None:
         WindowIndex.of(replace(people, motions=tuple(each.moved_to(each.positions[:4]) for each in people.motions)))
 
 
-def test_the_persons_who_teach_a_library(
-    builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary
-) -> None:
+def test_who_teaches_a_library(builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary) -> None:
     """Three persons who share classes teach their library; else the built-in persons do, if they have its joints."""
     assert teacher_of(small_library) is small_library
     alone = small_library.without(actors=("dg", "mm"))
@@ -274,9 +272,7 @@ DIRECTIONS, AXES = (rf"\(15, at most {most}\) numbers, got \(" for most in (32, 
         ("across posture 0.25 s origin", np.ones((1, 15)), r"\(15,\) numbers, got \(1, 15\)"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(
-    keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
-) -> None:
+def test_arrays_that_do_not_fit(keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str) -> None:
     """An array of another shape raises ValueError with its name, the expectation and the value found."""
     arrays = {each: kept for each, kept in keeping.learned.items() if each != f"{TAUGHT}{name}"}
     if array is not None:

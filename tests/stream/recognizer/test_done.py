@@ -111,9 +111,7 @@ def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     assert not said(index.with_motions([replace(clip, class_name=NOTHING)]), [clip.positions])
 
 
-def grown_by_definition(
-    known: Sequence[tuple[float, str, float]], time: float, class_name: str, *, several: bool
-) -> float:
+def growth_of(known: Sequence[tuple[float, str, float]], time: float, class_name: str, *, several: bool) -> float:
     """Say how much wider the limits of a class of several persons are by its best evidence of the last 1.5 seconds."""
     recent = [(name, evidence) for at, name, evidence in known if at >= time - 1.5]
     if not recent:
@@ -128,7 +126,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
     """Give the class that the windows which end with a step show most surely, its cost, and that without evidence."""
     courses, best = index.courses, (1.0, "", 1.0)
     shown = zip(courses.classes, courses.persons, strict=True)
-    grown = {name: grown_by_definition(known, step * STEP, name, several=count > 1) for name, count in shown}
+    grown = {name: growth_of(known, step * STEP, name, several=count > 1) for name, count in shown}
     pieces, limits = (courses.whole, courses.limits[0]) if whole else (courses.begun, courses.limits[1])
     for count in courses.counts:
         begin = step - count

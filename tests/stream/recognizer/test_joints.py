@@ -38,9 +38,7 @@ def _places(library: MotionLibrary, *names: str) -> list[int]:
 
 
 @pytest.mark.slow
-def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
-    small_library: MotionLibrary, squat: Clip
-) -> None:
+def test_answers_are_implausible_until_fewer_joints_windows_are_open(small_library: MotionLibrary, squat: Clip) -> None:
     """While the windows of fewer joints are not open every hop is answered; then they hold the last seconds at once."""
     positions, lost = squat.positions.copy(), _places(small_library, "lthumb")
     positions[:, lost] = np.nan
@@ -89,9 +87,7 @@ def _mended(
 
 # Where joints are not watched the origin is a place like any other.
 @pytest.mark.parametrize(("none", "watched"), [(np.nan, True), (np.nan, False), (0.0, True)])
-def test_lost_joints_are_where_they_were_beside_their_parents(
-    sticks: MotionLibrary, none: float, *, watched: bool
-) -> None:
+def test_lost_joints_stay_beside_their_parents(sticks: MotionLibrary, none: float, *, watched: bool) -> None:
     """One by one from the root; a joint whose parent is lost too moves with what is left; at first all are in one."""
     positions = np.tile(sticks.motions[0].positions[:1], (4, 1, 1)) + np.arange(4)[:, None, None] * 0.01
     lost = positions.copy()

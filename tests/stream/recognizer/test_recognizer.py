@@ -179,9 +179,7 @@ def test_other_than_a_library_and_settings_is_refused(sticks: MotionLibrary, giv
             Recognizer(sticks, given)  # type: ignore[arg-type]
 
 
-def test_in_another_library_no_window_and_no_answer_is_lost(
-    sticks: MotionLibrary, small_library: MotionLibrary
-) -> None:
+def test_in_another_library_no_window_nor_answer_is_lost(sticks: MotionLibrary, small_library: MotionLibrary) -> None:
     """The next hop is compared with the new one; a motion whose class is gone ends; other joints are refused."""
     frames, settings_ = BOWING, Settings(progress=True)
     index = opened(sticks)

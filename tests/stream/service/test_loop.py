@@ -186,9 +186,7 @@ def test_classes_and_status_are_sent_on_time(bench: Bench) -> None:
     assert set(bench.sink.of(tuple)) == {STICK_CLASSES}
 
 
-def test_a_stopped_service_answers_the_waiting_packets(
-    bench: Bench, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_service_answers_first(bench: Bench, sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """A service stopped before or while it runs returns after it has answered all waiting packets."""
     monkeypatch.setattr(service_module, "MAX_ENDING", PATIENCE)
     frames = _frames("bow", frames=1200)
@@ -346,9 +344,7 @@ class SlowSink(FakeSink):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("crowd", "packet", "least"), [(20, 2e-4, 4.0), (90, 6e-5, 0.7)])
-def test_answers_get_rarer_for_all_alike_and_stay_fresh(
-    crowd: int, packet: float, least: float, sticks: MotionLibrary
-) -> None:
+def test_answers_get_rarer_alike_and_stay_fresh(crowd: int, packet: float, least: float, sticks: MotionLibrary) -> None:
     """All get a fair share of what the machine can do, none is old, no window begins again; then all is as it was."""
     frames = list[Frame]()
     for number in range(crowd):

@@ -40,9 +40,7 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("with_base", "either_side"), [(False, False), (True, True)])
-def test_what_must_not_be_said_only_lowers_limits(
-    *, with_base: bool, either_side: bool, small_index: WindowIndex
-) -> None:
+def test_what_must_not_be_said_lowers_limits(*, with_base: bool, either_side: bool, small_index: WindowIndex) -> None:
     """Courses that are kept from change to change are those of a library opened anew; undone examples count no more."""
     windows = TaughtWindows(small_index, with_base=with_base, either_side=either_side)
     first = _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0))

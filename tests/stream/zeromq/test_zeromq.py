@@ -226,9 +226,7 @@ def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
     ("performers", "hop", "refused", "state"),
     [({}, 0.0, {}, "waiting"), ({"a": 60.0}, 0.2, {}, "late"), ({"a": 60.0}, 0.2, {"b": "5 joints"}, "refusing")],
 )
-def test_the_health_is_one_word_and_numbers(
-    performers: dict[str, float], hop: float, refused: dict[str, str], state: str
-) -> None:
+def test_the_health_is_one_word(performers: dict[str, float], hop: float, refused: dict[str, str], state: str) -> None:
     """No performer, answers that come late, and frames that are refused."""
     status = Status(InputCounts(), PerformerCounts(), 0, performers, hop, hop, refused)
     assert status.health.partition(":")[0] == state

@@ -73,9 +73,7 @@ SOON, HOP = 10.0, 1 / 6
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_it_is_said_within_ten_seconds_whether_the_library_fits(
-    name: str, data_folder: Path, builtin_index: WindowIndex
-) -> None:
+def test_it_is_soon_said_whether_the_library_fits(name: str, data_folder: Path, builtin_index: WindowIndex) -> None:
     """All but one of the takes that are long enough are judged as their whole set is."""
     pattern, unlike = SETS[name]
     places = sorted((data_folder / name).glob(pattern))

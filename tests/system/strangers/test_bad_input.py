@@ -88,9 +88,7 @@ def one_line(*arguments: object) -> str:
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes and devices in folders")
 @pytest.mark.parametrize("command", REFUSED)
-def test_what_cannot_be_done_is_one_line(
-    command: str, places: dict[str, object], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refusal_is_one_line(command: str, places: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
     """The line names the file, the option or the value, what was expected and what came; no file is made or changed."""
     folder = Path(f"{places['folder']}")
     monkeypatch.chdir(folder / "empty")

@@ -421,9 +421,7 @@ def test_bodies_of_a_film_are_sent(demo_film: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_film_without_a_body_is_one_line(
-    camera_models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_of_nobody_is_one_line(camera_models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """And status 2; so are models that are none."""
     film, models = grey(tmp_path / "grey.avi", [128] * 5, 30.0), tmp_path / "models"
     models.mkdir()

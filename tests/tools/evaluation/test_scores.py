@@ -104,9 +104,7 @@ def _moments(course: Course) -> list[Moment]:
     most_apart=st.sampled_from([1, 6]),
 )
 @settings(max_examples=30)
-def test_any_course_is_scored_as_a_walk_through_its_moments(
-    seed: int, takes: int, window: float, most_apart: int
-) -> None:
+def test_any_course_is_scored_as_a_walk_through_moments(seed: int, takes: int, window: float, most_apart: int) -> None:
     """Every figure of random courses, and of each class, is the one that walking through them by moments gives."""
     generator = np.random.default_rng(seed)
     courses = [_random_course(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
@@ -233,9 +231,7 @@ def test_a_label_may_be_off_by_its_rounding() -> None:
 
 
 @given(edges=EDGES, labels=LABELS, words=WORDS)
-def test_random_words_are_counted_as_the_twin_counts(
-    edges: list[int], labels: list[str], words: list[naive_score.Word]
-) -> None:
+def test_random_words_count_as_by_the_twin(edges: list[int], labels: list[str], words: list[naive_score.Word]) -> None:
     """By both rules, for gestures that follow each other with or without gaps."""
     gestures = [(a / 4, b / 4, label) for (a, b), label in zip(pairwise(edges), labels, strict=False) if label]
     segments = tuple(Segment(*each) for each in gestures)

@@ -425,9 +425,7 @@ def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, mon
     assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.lock", "mine.npz"]
 
 
-def test_what_cannot_be_deleted_is_said_and_tried_again(
-    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_deleted_is_tried_again(tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
     """The thread that writes goes on when the file of new examples cannot be deleted, and all is written later."""
     file, unlink, refused = RosterFile(tmp_path / "mine.npz"), Path.unlink, list[Path]()
 
@@ -497,9 +495,7 @@ def test_other_programs_that_write_a_library_ask_the_lock(tmp_path: Path, motion
     assert MotionLibrary.load(path).classes == ("built",)
 
 
-def test_new_examples_survive_before_the_file_is_written(
-    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_new_examples_survive_an_unwritten_file(tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
     """They lie beside the file, readers find them, and they come into it when it is quiet, or with another change."""
     path, new = tmp_path / "mine.npz", tmp_path / ".mine.npz.new"
     _saved(path, _roster(motion, "bow", "wave"))

@@ -213,11 +213,8 @@ def kept() -> dict[str, Any]:
 def _written(answers: Mapping[str, Any]) -> str:
     lines = ["# Written by `python tests/answers.py --update`."]
     for name in sorted(answers):
-        lines += ["", f"[{name}]"]
-        lines += [
-            f"{key} = {f'{value:.6f}' if isinstance(value, float) else repr(value)}"
-            for key, value in answers[name].items()
-        ]
+        texts = {key: f"{each:.6f}" if isinstance(each, float) else repr(each) for key, each in answers[name].items()}
+        lines += ["", f"[{name}]", *(f"{key} = {text}" for key, text in texts.items())]
     return "\n".join(lines).replace("'", '"') + "\n"
 
 

@@ -245,14 +245,12 @@ class Pace:
         self._seen: list[tuple[float, float, float, float]] = []
         self.speed = 1.0
 
-    def push(
-        self, past: Sequence[np.ndarray], velocity: np.ndarray, expected: tuple[float, float], usual_swing: float
-    ) -> None:
+    def push(self, past: Sequence[np.ndarray], moving: np.ndarray, expected: tuple[float, float], usual: float) -> None:
         """Take in a step: all points so far, the newest velocity, the squared speeds and the log swing expected."""
         span = max(2, round(30 / min(max(self.speed, 0.5), 1.5)))
         last = np.array(past[-span:])
         swing = 0.5 * math.log(sum(float(np.mean((each - each.mean()) ** 2)) for each in last.T) + 1e-6)
-        self._seen.append((float(np.sum(velocity**2)), *expected, swing - usual_swing))
+        self._seen.append((float(np.sum(moving**2)), *expected, swing - usual))
         live, one, other = (self._faded(which, 0.15) / self._faded(None, 0.15) + self._floor for which in range(3))
         self.speed = math.sqrt(live / math.sqrt(one * other))
         self.amplitude = math.exp(self._faded(3, 0.4) / self._faded(None, 0.4))

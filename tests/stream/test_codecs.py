@@ -35,6 +35,7 @@ from kinespace.stream.status import AdmissionCounts, InputCounts, PerformerCount
 from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
+_NAMES = st.lists(_TEXT, min_size=1, max_size=40, unique=True)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)
 
 
@@ -113,11 +114,7 @@ def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> l
 
 @pytest.mark.slow
 @pytest.mark.parametrize("through", [_through_osc, _through_bundles, _through_three_parts, _through_one_part])
-@given(
-    frame=frames(),
-    seq=st.integers(0, 2**63 - 1),
-    joints=st.none() | st.lists(_TEXT, min_size=1, max_size=40, unique=True),
-)
+@given(frame=frames(), seq=st.integers(0, 2**63 - 1), joints=st.none() | _NAMES)
 @example(frame=Frame("four", 1e-300, np.ones((31, 3), np.float32)), seq=0, joints=list(SKELETON.joints))
 def test_a_sent_frame_is_read_back(
     through: Callable[[Frame, int, Sequence[str] | None], list[object]],

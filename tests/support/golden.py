@@ -325,9 +325,7 @@ _MADE: dict[str, Layout] = {
     "mediapipe pose2art": bundled(by_joint("mediapipe", _landmark)),
     "joints": by_joint("joints", lambda name, place, _: message(f"/{name}", "fff", *place)),
     "joints of two": by_joint("joints", lambda name, place, _: message(f"/ann/{name}", "fff", *place)),
-    "captury": by_joint(
-        "captury", lambda name, place, _: message(f"/John-Doe/blender/{name}/vector", "fff", *1000 * place)
-    ),
+    "captury": by_joint("captury", lambda name, at, _: message(f"/John-Doe/blender/{name}/vector", "fff", *1000 * at)),
     "zigsim osc": bundled(by_joint("zigsim", lambda name, place, _: message(f"/B8-27/{name}", "fff", *place))),
     # Stamped with a real time.
     "touchdesigner": lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))],

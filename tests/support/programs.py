@@ -93,11 +93,9 @@ def started(*arguments: object, at: Path = ROOT, begins: Sequence[object] = _COM
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
-            surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200"}
+            around = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200"}
             command = [*map(str, begins), *map(str, arguments)]
-            process = subprocess.Popen(
-                command, cwd=at, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err
-            )
+            process = subprocess.Popen(command, cwd=at, env=around, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
         try:
             yield Program(process, Path(folder))
         finally:

@@ -34,9 +34,8 @@ def zmq_frame(numbers: list[float] = POSE, performer: str = "p", **changes: obje
 def msgpack_frame(**changes: object) -> list[bytes]:
     """Write a frame in one part, some fields changed."""
     data = np.array(POSE, "<f4").tobytes()
-    return [
-        msgpack.packb({"v": 1, "performer": "p", "t": 11.0, "shape": [31, 3], "dtype": "<f4", "data": data} | changes)
-    ]
+    fields = {"v": 1, "performer": "p", "t": 11.0, "shape": [31, 3], "dtype": "<f4", "data": data}
+    return [msgpack.packb(fields | changes)]
 
 
 def _skeleton(tags: str, *arguments: object) -> bytes:

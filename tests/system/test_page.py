@@ -198,9 +198,7 @@ def shows(page: "Page", performer: Performer, motion: NDArray[np.float64], condi
 def sees_motion(page: "Page", performer: Performer, name: str, motion: NDArray[np.float64]) -> None:
     """Show a motion after the last has ended, and see one more bar of its class."""
     until(page, f"{DOING}.textContent === ''")
-    count = (
-        f"[...kinespace.performers.get('ann').motions.values()].filter((each) => each.className === '{name}').length"
-    )
+    count = f"[...{MOTIONS}].filter((each) => each.className === '{name}').length"
     shows(page, performer, motion, f"{count} > {page.evaluate(count)}")
 
 

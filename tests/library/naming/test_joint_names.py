@@ -127,9 +127,7 @@ def test_foreign_names_stay(labels: tuple[str, ...]) -> None:
 FRONTS = ("mixamorig", "mixamorig5:", "mixamorig_", "Armature|", "Char 1_", "")
 
 
-@pytest.mark.parametrize(
-    "spelled", [*FRONTS, str.upper, str.lower, "Ann:{}".format, lambda name: name.replace("_", " ")]
-)
+@pytest.mark.parametrize("spelled", [*FRONTS, str.upper, str.lower, "A:{}".format, lambda name: name.replace("_", " ")])
 def test_spelling_says_nothing(spelled: Callable[[str], str] | str) -> None:
     """Capitals, marks between words and a namespace are ignored, and every prefix that programs put before Mixamo's."""
     names = MIXAMO if isinstance(spelled, str) else SMPL
@@ -152,9 +150,7 @@ def test_a_given_convention_is_used() -> None:
     assert Naming.asked("smpl").read(("head", "spine1", "prop")).joints == ("upperneck", "lowerback", "prop")
     assert Naming.asked("as-they-are").read(SMPL) == (SMPL, None)
     assert Naming.asked("auto") == Naming()
-    with pytest.raises(
-        ValueError, match=r"names: expected one of acclaim-bvh, .* hdm05, .* kinectv2, .* got 'klingon'"
-    ):
+    with pytest.raises(ValueError, match=r"names: expected one of acclaim-bvh, .* hdm05, .* kinectv2, .* 'klingon'"):
         Naming.asked("klingon")
 
 

@@ -33,9 +33,7 @@ def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
     """Name the class that is nearest to each motion, in the mean of its windows."""
     weighing = index.comparison.weighing
-    named = [
-        [named_and_alone(_logs(index, numbers), weighing)[0] for numbers in _numbers(index, clip)] for clip in clips
-    ]
+    named = [[named_and_alone(_logs(index, one), weighing)[0] for one in _numbers(index, clip)] for clip in clips]
     return [index.classes[int(np.mean(each, axis=0).argmin())] for each in named]
 
 

@@ -222,9 +222,7 @@ def test_hosts_are_numbered() -> None:
 def test_two_programs_of_one_host_are_told_apart() -> None:
     """Two that keep to their ports and send the same have two numbers; one that changes ports, or splits, has one."""
     numbers, times = SenderNumbers(), [step / 30 for step in range(60)]
-    both = [
-        (numbers.number("a", time, 5000, "/p1/head"), numbers.number("a", time, 5001, "/p1/head")) for time in times
-    ]
+    both = [(numbers.number("a", at, 5000, "/p1/head"), numbers.number("a", at, 5001, "/p1/head")) for at in times]
     assert both[0] == (1, 1)
     assert set(both[STEADY:]) == {(1, 2)}
     numbers = SenderNumbers()

@@ -97,15 +97,11 @@ def test_who_invents_joints_comes_last() -> None:
     receiver = FakeReceiver()
     source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
     frame = osc.encode_frame(Frame("ann", 1.0, np.ones((5, 3))))
-    for moment, ending, order in (
-        (1.0, "a", "eve ann ann eve"),
-        (3.0, "a", "eve ann eve ann"),
-        (5.0, "b", "eve ann ann eve"),
-    ):
-        named = osc.encode_announcement(Announcement("eve", tuple(f"{n}{ending}" for n in range(250))))
+    for now, end, who in ((1.0, "a", "eve ann ann eve"), (3.0, "a", "eve ann eve ann"), (5.0, "b", "eve ann ann eve")):
+        named = osc.encode_announcement(Announcement("eve", tuple(f"{n}{end}" for n in range(250))))
         receiver.packets.extend([(named, EVE), (frame, ANN)] * 2)
-        assert [event.performer for _ in range(4) for event in source.take(moment) or ()] == order.split()
-        assert source.take(moment) is None
+        assert [event.performer for _ in range(4) for event in source.take(now) or ()] == who.split()
+        assert source.take(now) is None
     # Nor do many skeletons by turns: the names are remembered for a few of them alone.
     for number in range(120):
         named = osc.encode_announcement(Announcement("eve", tuple(f"{n} {number % 40}" for n in range(250))))

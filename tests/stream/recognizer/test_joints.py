@@ -72,9 +72,7 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_open(small_libra
 # --- joints alone ------------------------------------------------------------------------------------------------
 
 
-def _mended(
-    sticks: MotionLibrary, positions: NDArray[np.float64], *, watched: bool = True
-) -> tuple[Joints, NDArray[np.float64]]:
+def _mended(sticks: MotionLibrary, positions: np.ndarray, *, watched: bool = True) -> tuple[Joints, np.ndarray]:
     """Mend frames of a stick one by one, thirty a second."""
     memory, mended = np.empty((1, 6, 3)), positions.copy()
     joints = Joints(opened(sticks).segments, STICK.joints, memory, is_watched=watched)

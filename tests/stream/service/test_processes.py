@@ -70,9 +70,7 @@ class Fed:
             self.expected += [each for each in self._one.push_all(frames, frames[0].time) if each]
             self.gateway.tend(self._clock())
         newest = {each.performer: each.time for each in self.expected}
-        self.until(
-            lambda: {each.performer for each in self.heard if each.time > newest[each.performer] - HOP} == {*NAMES}
-        )
+        self.until(lambda: {one.performer for one in self.heard if one.time > newest[one.performer] - HOP} == {*NAMES})
 
     def until(self, reached: Callable[[], bool]) -> None:
         """Read until something is reached."""

@@ -132,10 +132,8 @@ def test_a_check_in_words(check: Check, words: str) -> None:
 def test_an_example_of_either_side_is_compared_mirrored_too(small_index: WindowIndex) -> None:
     """Its copy is in the index, no other example to a check, and not in the roster; without it a left kick is none."""
     roster = _roster(("kick", "kickLFront1Reps", 0), ("squat", "squat1Reps", 0), ("squat", "squat1Reps", 1))
-    for base, with_base in ((small_index, True), (small_index, False), (None, False)):
-        plain, both = (
-            TaughtWindows(base, with_base=with_base, either_side=sides).index_of(roster) for sides in (False, True)
-        )
+    for base, known in ((small_index, True), (small_index, False), (None, False)):
+        plain, both = (TaughtWindows(base, with_base=known, either_side=on).index_of(roster) for on in (False, True))
         taught = [motion for motion in both.library.motions if motion not in (base.library.motions if base else ())]
         assert len(taught) == 2 * len(roster.examples)
         assert len(both.library.motions) == len(plain.library.motions) + len(roster.examples)

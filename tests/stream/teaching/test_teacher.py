@@ -177,10 +177,8 @@ def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
     for place, each in enumerate(lifted):
         each[stage.library.skeleton.joints.index("lhand"), 1] += 0.12 * place / 60
     stage.show(lifted)
-    shares = [
-        int(each.reason.split("%")[0].split()[1]) for each in stage.told if "movement" in getattr(each, "reason", "")
-    ]
-    assert 10 < max(shares) < 100
+    found = [int(one.reason.split("%")[0].split()[1]) for one in stage.told if "movement" in getattr(one, "reason", "")]
+    assert 10 < max(found) < 100
 
 
 @pytest.mark.parametrize(("every", "told"), [(12, "5 frames a second show no movement: send 8 or more"), (7, "")])
@@ -459,10 +457,7 @@ def _read(said: bytes | dict[str, object]) -> list[commands.Command]:
         ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
         ({"do": "wrong", "performer": "ann"}, commands.Wrong("ann")),
-        (
-            {"do": "last", "performer": "", "seconds": 2.0, "class": "bow", "ago": 5.5},
-            commands.Last("", 2.0, "bow", 5.5),
-        ),
+        ({"do": "last", "performer": "", "seconds": 2.0, "class": "a", "ago": 5.5}, commands.Last("", 2.0, "a", 5.5)),
     ],
 )
 def test_commands_by_osc_and_in_json(said: bytes | dict[str, object], command: commands.Command) -> None:

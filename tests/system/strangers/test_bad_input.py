@@ -168,11 +168,7 @@ BOMBS: dict[str, tuple[str, Callable[[], str], str]] = {
         lambda: 'time,a_x,a_y,a_z,b_x,b_y,b_z\n1,"' + '","\n'.join("0" * 9) + "\n" + '0,"\n' * 400_000,
         "a quotation mark that does not end",
     ),
-    "a long line": (
-        "line.trc",
-        lambda: "PathFileType\t4\t(X/Y/Z)\n" + "DataRate\t" * 200_000,
-        "expected a shorter line",
-    ),
+    "a long line": ("line.trc", lambda: "PathFileType\t4\t(X/Y/Z)\n" + "DataRate\t" * 200_000, "a shorter line"),
     "a long name": (
         "name.bvh",
         lambda: _hierarchy(f"JOINT {'a.' * 50_000}\n{{\nOFFSET 0 1 0\n}}\n", "", 2),

@@ -96,9 +96,7 @@ def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) 
 def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """Clocks, refused frames, and addresses that are not as the name: below the table, and in lines printed once."""
     named = status("me", "佐藤", "Actor 1")
-    noticed = replace(
-        named, clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5"}
-    )
+    noticed = replace(named, clocks={"me": "times are milliseconds"}, refused={"you": "2 joints, from 10.0.0.5"})
     table, lines = LiveTable(CLASSES), PlainLines()
     for sink in (table, lines, lines):
         sink.send(noticed)
@@ -165,9 +163,7 @@ def logged() -> Iterator[Callable[[Literal["text", "json"]], None]]:
 
 
 @pytest.mark.parametrize("way", ["text", "json"])
-def test_a_log_without_an_output(
-    way: Literal["text", "json"], logged: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_without_an_output(way: str, logged: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """A program whose output was closed when it began (`>&-`) says nothing, and goes on."""
     logged(way)
     monkeypatch.setattr("sys.stdout", None)

@@ -158,9 +158,7 @@ def _laid_out(
 def test_still_is_no_guess_and_unknown_is_one() -> None:
     """A still body has no guess; an unknown motion has a guess that is not named; an implausible one is doubted."""
     outcomes = (Outcome.STILL, Outcome.UNKNOWN, Outcome.IMPLAUSIBLE)
-    course = _laid_out(
-        [_recognition(time, BOW, 0.9, each) for time, each in zip((1.0, 2.0, 6.0), outcomes, strict=True)]
-    )
+    course = _laid_out([_recognition(at, BOW, 0.9, each) for at, each in zip((1.0, 2.0, 6.0), outcomes, strict=True)])
     assert set(course.guess[:16]) == {NONE}
     assert set(course.guess[16:48]) == {BOW}
     assert set(course.published) == {NONE}
@@ -401,11 +399,8 @@ def test_a_percentile_is_drawn_by_units(seed: int, percent: float) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_roc_area_is_drawn_by_units(seed: int) -> None:
     """Both kinds are drawn again, each by itself, and every pair of values is compared; ties count half."""
-    generator = np.random.default_rng(seed)
-    kinds = [
-        [(generator.integers(0, 6, generator.integers(0, 4)) + shift).astype(float) for _ in range(4)]
-        for shift in (1, 0)
-    ]
+    draw = np.random.default_rng(seed)
+    kinds = [[(draw.integers(0, 6, draw.integers(0, 4)) + shift).astype(float) for _ in range(4)] for shift in (1, 0)]
     figure = roc_area(*kinds)
     higher, lower = ([each.tolist() for each in kind] for kind in kinds)
     flat = [[value for each in kind for value in each] for kind in (higher, lower)]
@@ -424,17 +419,11 @@ def test_a_ratio_is_drawn_by_units_or_persons(units: list[tuple[str, int, int]])
     persons, counted, among = zip(*units, strict=True)
     figure, everyone = ratio(counted, among, 60.0, persons=(persons,)), sorted(set(persons))
     assert figure.value() == (pytest.approx(60 * sum(counted) / sum(among)) if sum(among) else None)
-    for by_person, of in (
-        (False, [[each] for each in units]),
-        (True, [[u for u in units if u[0] == p] for p in everyone]),
-    ):
+    for by, of in ((False, [[each] for each in units]), (True, [[u for u in units if u[0] == p] for p in everyone])):
         sums = np.array([np.sum([each[1:] for each in own], axis=0) for own in of])
-        drawn = [
-            np.multiply(sums, np.array(counts)[:, None]).sum(axis=0)
-            for counts in naive_score.drawn_again(len(of), FIRST)
-        ]
+        drawn = [np.array(counts) @ sums for counts in naive_score.drawn_again(len(of), FIRST)]
         expected = naive_score.middle([60 * above / below if below else None for above, below in drawn])
-        assert figure.interval(by_person=by_person) == (expected and pytest.approx(expected))
+        assert figure.interval(by_person=by) == (expected and pytest.approx(expected))
 
 
 # --- nothing to take a figure of ---------------------------------------------------------------------------------

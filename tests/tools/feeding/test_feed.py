@@ -84,9 +84,6 @@ def test_answers_find_their_frames_and_the_missing_are_counted(arrived: list[boo
 @pytest.mark.slow
 def test_an_error_in_the_process_is_raised_here() -> None:
     """An error in the other process is raised in this one, and no process or socket stays behind."""
-    with (
-        pytest.raises(ValueError, match="most: expected 1 to 10000 performers, got 0"),
-        background_service("osc", performers=0),
-    ):
+    with pytest.raises(ValueError, match="most: expected 1 to 10000"), background_service("osc", performers=0):
         pytest.fail("started without room for anybody")
     assert multiprocessing.active_children() == []

@@ -406,10 +406,7 @@ def test_other_machines_need_the_token(host: str) -> None:
 
 @pytest.mark.parametrize(
     "target",
-    [
-        *("/../requests.py", "/static/page.js", "/%2e%2e/requests.py", "/page.py"),
-        *("/..", "/.", "//x", "/a\\b.js", "/%00.js"),
-    ],
+    ["/../requests.py", "/static/page.js", "/%2e%2e/requests.py", "/page.py", "/..", "/.", "//x", "/a\\b", "/%00.js"],
 )
 def test_only_the_pages_own_files_are_given(target: str) -> None:
     """No path leads out of the page's folder."""

@@ -79,13 +79,10 @@ def test_silence_and_foreign_packets_have_messages() -> None:
 def test_the_program_gives_json() -> None:
     """One object with the feed, its joints and every kind of message; packets come until it ends."""
     port, positions = free_udp_port(), cycle([cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]])
-    with (
-        started("listen", port, "--seconds", 1.5, "--json") as program,
-        closing(osc.OscSender(LOOPBACK, port)) as sender,
-    ):
+    with started("listen", port, "--seconds", 1.5, "--json") as program, closing(osc.OscSender(LOOPBACK, port)) as out:
         for _, packets in moments("qtm", positions):
             for packet in packets:
-                sender.send(packet)
+                out.send(packet)
             with suppress(subprocess.TimeoutExpired):
                 program.process.wait(1 / 30)
                 break
@@ -137,11 +134,7 @@ def test_a_sender_of_some_joints_lacks_none(known: int) -> None:
 
 @pytest.mark.parametrize(
     ("joints", "title", "ours"),
-    [
-        (names_of("mixamo"), "Mixamo", 29),
-        (names_of("smpl"), "SMPL", 22),
-        (builtin_preset("native").joints[:12], "", 12),
-    ],
+    [(names_of("mixamo"), "Mixamo", 29), (names_of("smpl"), "SMPL", 22), (SKELETON.joints[:12], "", 12)],
 )
 def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], title: str, ours: int) -> None:
     """A feed with known names, or with some of our joints, needs no change."""

@@ -213,14 +213,9 @@ def weighed(
     belief: list[list[float]], vectors: NDArray[np.floating], live: NDArray[np.float64], sharpness: float
 ) -> list[list[float]]:
     """Weigh every moment by how alike the live body is, and let the probabilities sum to one."""
-    logs = [[-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in each] for each in vectors]
-    most = max(map(max, logs))
-    products = [
-        [each * math.exp(log - most) for each, log in zip(*pair, strict=True)]
-        for pair in zip(belief, logs, strict=True)
-    ]
-    total = math.fsum(map(math.fsum, products))
-    return [[each / total for each in own] for own in products]
+    logs = np.array([[-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in each] for each in vectors])
+    products = np.array(belief) * np.exp(logs - logs.max())
+    return (products / products.sum()).tolist()
 
 
 def median_of(belief: list[list[float]]) -> float:

@@ -166,6 +166,7 @@ _OF_PROGRESS = ("phase", "scrub", "speed", "amplitude", "sure", "cycles")
 def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     """With any names and numbers, an answer is what json would write, field by field and in this order."""
     best = float(recognition.scores[recognition.best])
+    by_class = zip(recognition.classes, recognition.scores, strict=True)
     others = [place for place in np.argsort(-recognition.scores, kind="stable") if place != recognition.best]
     followed = recognition.progress
     expected = {
@@ -181,9 +182,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         "score": best,
         "runner_up": recognition.classes[others[0]] if others else None,
         "margin": best - (float(recognition.scores[others[0]]) if others else 0.0),
-        "scores": {
-            name: round(float(score), 6) for name, score in zip(recognition.classes, recognition.scores, strict=True)
-        },
+        "scores": {name: round(float(score), 6) for name, score in by_class},
         **{name: getattr(recognition, name) for name in _AS_THEY_ARE},
         "doubted": [],
         "progress": followed

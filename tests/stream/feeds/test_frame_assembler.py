@@ -221,9 +221,8 @@ def test_the_joints_of_a_performer_who_leaves_are_not_held() -> None:
 @given(st.lists(st.sampled_from([*"abcdez", "end", "begin", "gone", "time"]), max_size=60), st.data())
 def test_no_order_of_messages_invents_joints(words: list[str], data: st.DataObject) -> None:
     """Messages in any order give frames of joints that were sent, none older than the hold, with ascending times."""
-    target = assembler(
-        *data.draw(st.lists(st.sampled_from(["end", "bundle", "repeat", "complete", "timeout"]), min_size=1))
-    )
+    rules = st.sampled_from(["end", "bundle", "repeat", "complete", "timeout"])
+    target = assembler(*data.draw(st.lists(rules, min_size=1)))
     sent: dict[str, dict[float, float]] = {}
     made: list[tuple[float, Frame]] = []
     now = 0.0

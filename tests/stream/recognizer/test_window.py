@@ -54,9 +54,8 @@ def _check(live: Window, signature: Signature | None, index: WindowIndex, times:
     assert np.linalg.norm(matrix @ vector - values[0] * vector) <= 1e-6 * values[0]
     # Movement is read off the longest window of distances.
     seconds = 1.0 if index.comparison.weighing.judges else live.seconds
-    moved = naive_windows.moved(
-        naive_windows.moments(*(each[times > times[-1] - seconds + 1e-6] for each in (times, rows)))
-    )
+    last = times > times[-1] - seconds + 1e-6
+    moved = naive_windows.moved(naive_windows.moments(times[last], rows[last]))
     assert signature.movement == pytest.approx(moved)
     weights = index.basis.directions @ vector
     centred = rows[inside] - rows[inside].mean(axis=0)

@@ -43,7 +43,10 @@ pytestmark = pytest.mark.slow
 FILES = int(os.environ.get("FILES", "400"))
 #: Seconds for a broken file of some kilobytes on a busy machine, and megabytes, with all that a program imports.
 LONGEST, MOST = 20.0, 150
-_TABLE = "time\t" + "\t".join(f"{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz")
+#: As OpenSim writes tables.
+_TABLE = "Coordinates\nversion=1\nendheader\ntime\t" + "\t".join(
+    f"{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz"
+)
 _TABLE += "".join(f"\n{moment / 100}" + "\t0.5\t0.7\t0.9" * 3 for moment in range(6))
 #: Words that mean something to some reader, or should not.
 TELLING = (
@@ -154,11 +157,7 @@ def _laid_out(path: Path) -> list[str]:
 KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]]] = {
     **{f".{ending}": (_made(ending), _info) for ending in ("bvh", "c3d", "trc", "csv", "amc")},
     **{f".{ending}": (_made("csv", f"take.{ending}"), _info) for ending in ("tsv", "txt")},
-    # As OpenSim writes tables.
-    **{
-        f".{ending}": (_text(f"take.{ending}", f"Coordinates\nversion=1\nendheader\n{_TABLE}"), _info)
-        for ending in ("sto", "mot")
-    },
+    **{f".{ending}": (_text(f"take.{ending}", _TABLE), _info) for ending in ("sto", "mot")},
     ".npz": (_converted, _info),
     ".kinerec": (_raw, _info),
     "library": (_library, _info),

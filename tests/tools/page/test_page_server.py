@@ -253,9 +253,8 @@ def test_motions_that_were_done_are_shown_once() -> None:
 def test_bodies_and_answers_are_the_newest() -> None:
     """A page that looks after three bodies and two answers gets the last of each, and then nothing until more comes."""
     poses = [POSE + shift for shift in (0.0, 1.0, 2.0)]
-    board = _board(
-        *(encode_body(Frame("ann", 1.0, pose), STICK) for pose in poses), _answer("ann"), _answer("ann", "wave")
-    )
+    sent = [encode_body(Frame("ann", 1.0, pose), STICK) for pose in poses]
+    board = _board(*sent, _answer("ann"), _answer("ann", "wave"))
     told, bodies = _told(board)
     assert told["bodies"] == [["ann", 3]]
     assert np.array_equal(np.frombuffer(bodies, "<f4").reshape(-1, 3), poses[-1].astype(np.float32))

@@ -111,8 +111,7 @@ def _vrchat(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three 
 
 def qtm(moment: Moment) -> list[bytes]:
     """One bundle: /qtm/data with a time of 64 bits in microseconds, then the segments in millimetres, z up."""
-    joints = named("qtm", moment.places)
-    microseconds = round(moment.time * 1e6)
+    joints, microseconds = named("qtm", moment.places), round(moment.time * 1e6)
     low = microseconds & 0xFFFFFFFF
     head = message("/qtm/data", "iiiiiii", microseconds >> 32, low - (low >> 31 << 32), 0, moment.number, 0, 0, 1)
     segments = [

@@ -140,8 +140,7 @@ def test_it_adds_how_unlikely_a_class_is() -> None:
     draw, names = np.random.default_rng(3), [*"aabbbccccc", *"abc" * 5]
     windows = draw.normal(size=(len(names), 4)) + np.array([[ord(name) - 97, 0, 0, 0] for name in names])
     head, asked = Head.learned(windows.astype(np.float32), names), draw.normal(size=4)
-    added = head.added([asked[:3], asked[3:]])
-    expected = unlikely(asked, windows, names)
+    added, expected = head.added([asked[:3], asked[3:]]), unlikely(asked, windows, names)
     assert np.allclose(added, [0.06 * expected[name] for name in "abc"], atol=1e-5)
 
 

@@ -44,9 +44,8 @@ FILES = int(os.environ.get("FILES", "400"))
 #: Seconds for a broken file of some kilobytes on a busy machine, and megabytes, with all that a program imports.
 LONGEST, MOST = 20.0, 150
 #: As OpenSim writes tables.
-_TABLE = "Coordinates\nversion=1\nendheader\ntime\t" + "\t".join(
-    f"{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz"
-)
+_TABLE = "Coordinates\nversion=1\nendheader\ntime"
+_TABLE += "".join(f"\t{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz")
 _TABLE += "".join(f"\n{moment / 100}" + "\t0.5\t0.7\t0.9" * 3 for moment in range(6))
 #: Words that mean something to some reader, or should not.
 TELLING = (

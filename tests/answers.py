@@ -12,7 +12,6 @@ answers by numpy.
 import argparse
 import hashlib
 import math
-import os
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,6 +23,7 @@ from typing import Any
 import numpy as np
 from fakes import pushed
 from numpy.typing import NDArray
+from programs import DATA
 
 from kinespace.library import Clip, MotionLibrary, Reading, WindowIndex, compiled, opened, read_recordings
 from kinespace.stream import Announcement, Frame, LiveSignature, Performers, Recognition, Recognizer, Settings
@@ -90,8 +90,7 @@ def _depth_sensor(data: Path) -> list[Recognition]:
 def _other_names() -> list[Recognition]:
     """Play a sender with fewer joints, of other names, in another order."""
     library, clips = _asked()
-    performers = Performers(library)
-    names = tuple(reversed(_SENT))
+    performers, names = Performers(library), tuple(reversed(_SENT))
     places = [library.skeleton.joints.index(_SENT[name]) for name in names]
     performers.announce(Announcement("ann", names), 0.0)
     sent = (replace(frame, positions=frame.positions[places]) for frame in frames_of(clips, 60.0))
@@ -214,11 +213,8 @@ def kept() -> dict[str, Any]:
 def _written(answers: Mapping[str, Any]) -> str:
     lines = ["# Written by `python tests/answers.py --update`."]
     for name in sorted(answers):
-        lines += ["", f"[{name}]"]
-        lines += [
-            f"{key} = {f'{value:.6f}' if isinstance(value, float) else repr(value)}"
-            for key, value in answers[name].items()
-        ]
+        texts = {key: f"{each:.6f}" if isinstance(each, float) else repr(each) for key, each in answers[name].items()}
+        lines += ["", f"[{name}]", *(f"{key} = {text}" for key, text in texts.items())]
     return "\n".join(lines).replace("'", '"') + "\n"
 
 
@@ -229,11 +225,9 @@ def main() -> int:
     parser.add_argument("--exact", action="store_true")
     parser.add_argument("names", nargs="*")
     options = parser.parse_args()
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    data = Path(os.environ.get("KINESPACE_DATA") or beside)
     before, differs = kept(), False
     for name in options.names or (*FEEDS, *RECORDED):
-        answers = FEEDS[name]() if name in FEEDS else RECORDED[name](data)
+        answers = FEEDS[name]() if name in FEEDS else RECORDED[name](DATA)
         if options.exact:
             print(name, arithmetic(), exactly(answers))  # noqa: T201 - a script
         got = summed_up(answers)

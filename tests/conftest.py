@@ -12,7 +12,7 @@ import programs
 import pytest
 from films import demo_film as place_of_demo_film
 from hypothesis import settings
-from programs import LOOPBACK, builtin_library
+from programs import DATA, LOOPBACK, builtin_library
 from refused import refuse
 from synthetic import stick_clips
 
@@ -80,8 +80,7 @@ def arithmetic(request: pytest.FixtureRequest) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Give the folder of the recordings."""
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    return _folder(Path(os.environ.get("KINESPACE_DATA") or beside))
+    return _folder(DATA)
 
 
 @pytest.fixture(scope="session")
@@ -194,8 +193,8 @@ def _environment_as_before() -> Iterator[None]:
 
 
 @pytest.fixture
-def stage() -> Iterator[OscReceiver]:
-    """Open a UDP port that receives replayed packets."""
+def receiver() -> Iterator[OscReceiver]:
+    """Open a UDP port of the system's choice."""
     with closing(OscReceiver(LOOPBACK, 0)) as receiver:
         yield receiver
 

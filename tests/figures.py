@@ -1,22 +1,23 @@
 """The figures of recognition and retrieval, kept in `figures.toml`.
 
-`make figures` runs every evaluation, which takes minutes, and says what has fallen; the tests
-measure the quickest.
+`make figures` runs every evaluation, which takes minutes, and says what has fallen; the tests measure the quickest.
 After a change that is meant to move them:
 
     make figures FIGURES=--update
 
-writes what came out in place of the old values. A figure of another name, its tolerance (less than a listener would
-notice, more than another processor's rounding moves it) and its direction are written into the file by hand. Names of
-evaluations measure only those (`FIGURES="teach --update"`). The takes are found as the tests find them: in
-`shared/data` beside the repository, or where KINESPACE_DATA says. Look at the difference before you commit it: it is
-the change's price.
+writes what came out in place of the old values. A run (the arguments of `kinespace evaluate`), a figure of another
+name, its tolerance (less than a listener would notice, more than another processor's rounding moves it) and its
+direction are written into the file by hand. Runs ask some of the persons, and "progress" some of the motions: all of
+them take minutes longer, and a change that makes recognition worse shows in these as well. Names of evaluations measure
+only those (`FIGURES="teach --update"`). The takes are found as the tests find them: in `shared/data` beside the
+repository, or where KINESPACE_DATA says. Look at the difference before you commit it: it is the change's price.
 """
 
 import argparse
 import io
 import json
 import os
+import shlex
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,55 +27,8 @@ from typing import Any, NamedTuple
 
 FILE = Path(__file__).with_name("figures.toml")
 
-_OWN_TAKES = tuple(f"{{data}}/cmu/13_{number}.amc" for number in (29, 30, 31))
-_OTHERS_TAKES = (*_OWN_TAKES, "{data}/cmu/86_01.amc")
-_NAMES = ("--map", "Squat=squat1Reps", "ArmCircle=rotateArmsBothBackward1Reps", "Jog=jogLeftCircle4StepsRstart")
-
-# Some of the persons, and in "progress" some of the motions: all of them take minutes longer, and a change
-# that makes recognition worse shows in these as well.
-_SOME_STRANGERS = ("02", "03", "05", "09", "35")
-_SOME_PERSONS = tuple(
-    f"{{data}}/utkinect/joints_s0{person}_e0{take}.txt" for person in range(1, 10, 2) for take in (1, 2)
-)
-
-
 #: The evaluations that the tests measure, too.
 QUICK = ("done_by_one", "retrieval_raw_split")
-
-#: The arguments of `kinespace evaluate` for each evaluation; `{data}` is the folder of recordings.
-RUNS: Mapping[str, tuple[str, ...]] = {
-    "own_takes": ("stream", *_OWN_TAKES, "--protocol", "leave-one-take-out"),
-    "own_takes_paper": ("stream", *_OWN_TAKES, "--protocol", "leave-one-take-out", "--signature", "paper"),
-    "builtin": ("stream", *_OTHERS_TAKES, *_NAMES),
-    "builtin_paper": ("stream", *_OTHERS_TAKES, *_NAMES, "--signature", "paper"),
-    "builtin_kinectv2": ("stream", *_OTHERS_TAKES, *_NAMES, "--skeleton", "kinectv2"),
-    "builtin_osceleton": ("stream", *_OTHERS_TAKES, *_NAMES, "--skeleton", "osceleton"),
-    "utkinect": ("stream", *_SOME_PERSONS, "--protocol", "leave-one-person-out"),
-    "strangers": ("stream", "--takes", "{data}/cmu_takes/takes.csv", "--subjects", *_SOME_STRANGERS),
-    **{
-        sensor: ("stream", f"{{data}}/{sensor}/takes", "--actor-in", "name", "--subjects", "s04", "s05")
-        for sensor in ("uiprmd", "uiprmd_kinect")
-    },
-    "kindergator": ("stream", "{data}/kindergator/takes", "--actor-in", "name"),
-    "camera": (
-        *("stream", "{data}/camera", "--actor-in", "name"),
-        *("--map", "squat=squat1Reps", "run=jogLeftCircle4StepsRstart"),
-    ),
-    "faults": ("faults", "{data}/cmu/13_30.amc", *_NAMES[:2], "--fault", "left arm frozen", "none"),
-    "teach": ("teach", "--teachers", "bd", "--draws", "1", "--examples", "1"),
-    "gestures": ("gestures", "{data}/jackknife/takes", "--actor-in", "name", "--subjects", "u104", "u105"),
-    "show": ("show", "--shows", "2", "--minutes", "4"),
-    "peers": ("peers", "--alone"),
-    "progress": ("progress", "--every", "16"),
-    "done_by_one": ("done", "{data}/uiprmd/takes/s04_m01.npz", "--actor-in", "name"),
-    "done": ("done", *(f"{{data}}/uiprmd/takes/s0{person}_m01.npz" for person in (4, 5)), "--actor-in", "name"),
-    **{
-        f"retrieval_{signature}_{protocol}": ("retrieval", "--signature", signature, "--protocol", protocol)
-        for protocols in (("leave-one-out", "actor-held-out"), ("split",))
-        for signature in ("eigenvector", "raw")
-        for protocol in protocols
-    },
-}
 
 
 class Figure(NamedTuple):
@@ -93,9 +47,12 @@ class Figure(NamedTuple):
 
 
 Figures = dict[str, dict[str, Figure]]
+_KEPT: dict[str, dict[str, Any]] = tomllib.loads(FILE.read_text(encoding="utf-8"))
+#: The arguments of `kinespace evaluate` for each evaluation, as a line; `{data}` is the folder of recordings.
+RUNS: dict[str, str] = {run: entries.pop("run") for run, entries in _KEPT.items()}
 
 
-def measured(arguments: Sequence[str], names: Iterable[str], data: Path | None) -> dict[str, float]:
+def measured(line: str, names: Iterable[str], data: Path | None) -> dict[str, float]:
     """Run one evaluation as a person would, on the recordings of a folder; give the figures that there are.
 
     A figure's name says where it stands in the JSON object: `mean.nearest` is "nearest" in "mean", `faults.0.x` is "x"
@@ -104,7 +61,7 @@ def measured(arguments: Sequence[str], names: Iterable[str], data: Path | None) 
     from kinespace.tools.cli.main import main  # noqa: PLC0415 - as a script this file first has to find the project
 
     printed = io.StringIO()
-    arguments = [argument.replace("{data}", str(data)) for argument in arguments]
+    arguments = [argument.replace("{data}", str(data)) for argument in shlex.split(line)]
     with redirect_stdout(printed):
         status = main(["evaluate", *arguments, "--json"])
     if status:
@@ -121,9 +78,7 @@ def _looked_up(values: Any, name: str) -> float | None:  # noqa: ANN401 - JSON
 
 def expected() -> Figures:
     """Read the expected figures."""
-    with FILE.open("rb") as file:
-        runs = tomllib.load(file)
-    return {run: {name: Figure(**entry) for name, entry in figures.items()} for run, figures in runs.items()}
+    return {run: {name: Figure(**entry) for name, entry in figures.items()} for run, figures in _KEPT.items()}
 
 
 def fallen(run: str, figures: Mapping[str, Figure], got: Mapping[str, float]) -> list[str]:
@@ -140,7 +95,7 @@ def written(figures: Figures, got: Mapping[str, Mapping[str, float]]) -> str:
     """Write figures as TOML, those that were measured with their new values."""
     lines = ["# `python tests/figures.py --update` writes the values; all else is written by hand."]
     for run, entries in figures.items():
-        lines += ["", f"[{run}]"]
+        lines += ["", f"[{run}]", f'run = "{RUNS[run]}"']
         for name, (old, tolerance, direction) in entries.items():
             key = f'"{name}"' if "." in name else name
             value = got.get(run, {}).get(name, old)

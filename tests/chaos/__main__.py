@@ -1,7 +1,6 @@
 """`make chaos`: attacks and faults, one after the other, and their effect on a performer."""
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 
@@ -21,24 +20,7 @@ _HEADINGS = (
 def table(outcomes: Sequence[Outcome]) -> str:
     """Give a row for each trial, in Markdown."""
     rule = ["---", *["---:"] * (len(_HEADINGS) - 2), "---"]
-    return "\n".join("| " + " | ".join(each) + " |" for each in (_HEADINGS, rule, *map(_row, outcomes)))
-
-
-def _row(outcome: Outcome) -> list[str]:
-    ended = "" if outcome.ended == 0 else f" ENDED with {outcome.ended}"
-    return [
-        outcome.name + ended,
-        f"{outcome.answered} / {outcome.expected}",
-        _milliseconds(outcome.p99_before),
-        _milliseconds(outcome.p99),
-        " / ".join(f"{megabytes:.0f}" for megabytes in outcome.memory),
-        "never" if math.isinf(outcome.recovered) else f"{outcome.recovered:.1f}",
-        outcome.counted,
-    ]
-
-
-def _milliseconds(seconds: float) -> str:
-    return "-" if math.isnan(seconds) else f"{seconds * 1000:.1f}"
+    return "\n".join("| " + " | ".join(each) + " |" for each in (_HEADINGS, rule, *(each.row for each in outcomes)))
 
 
 def main() -> int:

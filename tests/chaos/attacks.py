@@ -106,22 +106,8 @@ def new_names() -> Iterator[bytes]:
     return (_body(f"n{number}", 1.0) for number in count())
 
 
-def many_messages() -> Iterator[bytes]:
-    """Give datagrams of 4,000 messages each."""
-    return repeat(bundle(*[b"/a\0\0,\0\0\0"] * 4000))
-
-
-def packed_frames() -> Iterator[bytes]:
-    """Give datagrams of 110 right frames each: more than are read."""
-    return _packed(110)
-
-
-def full_datagrams() -> Iterator[bytes]:
-    """Give datagrams of as many right frames as are read."""
-    return _packed(osc.messages.MAX_FRAMES)
-
-
-def _packed(size: int) -> Iterator[bytes]:
+def packed(size: int) -> Iterator[bytes]:
+    """Give datagrams of so many right frames each."""
     frames = [_body("loud", 1.0 + number / 8000) for number in range(16_000)]
     return cycle([bundle(*frames[first : first + size]) for first in range(0, 16_000 - size, size)])
 
@@ -144,19 +130,9 @@ def foreign_joints() -> Iterator[bytes]:
     return repeat(osc.encode_announcement(Announcement(INNOCENT, ("a", "b"))))
 
 
-def many_performers() -> Iterator[bytes]:
-    """Give frames of 32 invented performers by turns, each a time of an eighth of a second after the one before."""
-    return (_body(f"invented{number % 32}", 1.0 + number // 32 / 8) for number in count())
-
-
-def crowd() -> Iterator[bytes]:
-    """Give frames of 20 performers by turns, 60 a second of each."""
-    return (_body(f"p{number % 20}", 1.0 + number // 20 / 60) for number in count())
-
-
-def valid_performers() -> Iterator[bytes]:
-    """Give frames of 1,500 performers by turns, 12 a second of each: as few as make a performer."""
-    return (_body(f"p{number % 1500}", 1.0 + number // 1500 / 12) for number in count())
+def crowd(performers: int, rate: float) -> Iterator[bytes]:
+    """Give frames of invented performers by turns, so many a second of each."""
+    return (_body(f"p{number % performers}", 1.0 + number // performers / rate) for number in count())
 
 
 def commands() -> Iterator[bytes]:
@@ -166,11 +142,6 @@ def commands() -> Iterator[bytes]:
 
 
 # --- messages by ZeroMQ ---
-
-
-def zmq_garbage() -> Iterator[list[bytes]]:
-    """Give messages that nobody sends."""
-    return repeat([b"hello/", b"x" * 64])
 
 
 def zmq_lists() -> Iterator[list[bytes]]:
@@ -183,11 +154,6 @@ def zmq_headers() -> Iterator[list[bytes]]:
     deep = [b"frame/x/", b'{"v":1,"joints":' + b"[" * 60_000, b""]
     long = [b"frame/x/", b'{"v":1,"seq":' + b"9" * 4300 + b',"t":1,"shape":[1,3],"dtype":"<f4"}', bytes(12)]
     return cycle([deep, long])
-
-
-def zmq_parts() -> Iterator[list[bytes]]:
-    """Give messages of a thousand parts."""
-    return repeat([b"x"] * 1000)
 
 
 def zmq_impostor() -> Iterator[list[bytes]]:

@@ -1,5 +1,6 @@
 """One trial: a running `kinespace live`, an innocent performer, and an attack or a fault for some seconds."""
 
+import math
 import multiprocessing
 import os
 import re
@@ -17,6 +18,7 @@ import numpy as np
 import programs
 from chaos.attacks import Place, place_of
 from chaos.performer import FRAME_RATE, Fault, Performer, cues_of
+from fakes import pushed
 from numpy.typing import NDArray
 from programs import Program
 
@@ -71,7 +73,7 @@ class Trial(NamedTuple):
     first: bool = False
     fault: Fault | None = None
     deed: Callable[[Program, Path, float], str] | None = None
-    prepared: Callable[[Path], object] | None = None
+    prepared: Callable[[Path], object] = lambda _: None
     killed: bool = False
     options: str = ""
     lasts: float = 1.0
@@ -82,30 +84,16 @@ class Outcome(NamedTuple):
 
     Attributes
     ----------
-    name
-        The trial's name.
-    answered, expected
-        Answers to the innocent performer during the attack.
-    p99_before, p99
-        Their latency before the attack and during it, 99th percentile, seconds.
-    memory
-        Resident megabytes of the recogniser: before, at most, and afterwards.
-    recovered
-        Seconds from the end of the attack until all was well; infinite for never.
-    counted
-        The recogniser's counts.
+    row
+        For people: the trial's name; answers to the innocent performer during the attack, and how many were expected;
+        their latency before the attack and during it, 99th percentile, milliseconds; resident megabytes of the
+        recogniser before, at most, and afterwards; seconds from the end of the attack until all was well; the
+        recogniser's counts.
     ended
         The program's exit status: 0 when it ended on demand.
     """
 
-    name: str
-    answered: int
-    expected: int
-    p99_before: float
-    p99: float
-    memory: tuple[float, float, float]
-    recovered: float
-    counted: str
+    row: list[str]
     ended: int
 
 
@@ -140,12 +128,11 @@ def page_of(program: Program) -> int:
 
 def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outcome:
     """Run a trial of some seconds on a performer of these positions, (frames, 31, 3), metres, 120 a second, again."""
-    during = trial.lasts * seconds
-    begin, end = _BEFORE, _BEFORE + during
+    begin, end = _BEFORE, _BEFORE + trial.lasts * seconds
     cues = cues_of(np.resize(positions, (round((end + _AFTER + _MEMORY) * FRAME_RATE), 31, 3)))
     # After a jump of the body no answers come, without an attack, too.
-    recognizer = Recognizer(MotionLibrary.builtin())
-    due = sum(recognizer.push(cue.frame) is not None and begin <= cue.due < end for cue in cues)
+    expected = pushed(Recognizer(MotionLibrary.builtin()), [cue.frame for cue in cues])
+    due = sum(begin <= answer.time - cues[0].frame.time < end for answer in expected)
     if trial.fault:
         first, last = (round(moment * FRAME_RATE) for moment in (begin, end))
         cues[first:last] = trial.fault(cues[first:last])
@@ -153,8 +140,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
     with ExitStack() as opened:
         folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
         options = [trial.options.format(folder=folder, number=number).split() for number in (0, 1)]
-        if trial.prepared:
-            trial.prepared(folder)
+        trial.prepared(folder)
         program = opened.enter_context(started(options[0]))
         place = place_of(program)
         ready, go, stop = context.Semaphore(0), context.Event(), context.Event()
@@ -169,7 +155,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
         _wait(begun + begin)
         before = most = memory_of(program.process.pid)
         go.set()
-        line = trial.deed(program, folder, during) if trial.deed else ""
+        line = trial.deed(program, folder, end - begin) if trial.deed else ""
         if trial.killed:
             program.process.kill()
             program.process.wait()
@@ -179,8 +165,7 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
             time.sleep(0.1)
         stop.set()
         attacker.join(_PATIENCE)
-        ended = time.perf_counter() - begun
-        most = max(most, memory_of(program.process.pid))
+        ended, most = time.perf_counter() - begun, max(most, memory_of(program.process.pid))
         _wait(begun + ended + _AFTER)
         while memory_of(program.process.pid) > before + _BACK_WITHIN and time.perf_counter() < begun + ended + _MEMORY:
             time.sleep(0.1)
@@ -189,17 +174,12 @@ def tried(trial: Trial, seconds: float, positions: NDArray[np.float32]) -> Outco
         place_of(program)
         performance, status = performer.end(), ended_with(program)
         since = begin if trial.killed else end if trial.fault or trial.deed else ended
-        recordings = map(kept, sorted(folder.glob("a*.kinerec")))
         latencies = performance.latencies(begin, end)
-        return Outcome(
-            trial.name,
-            *(len(latencies), due),
-            *(_p99(performance.latencies(0.5, begin)), _p99(latencies)),
-            memory,
-            performance.recovery(since),
-            ", ".join(filter(None, [_counted(program.output), line, *recordings])),
-            status,
-        )
+        said = [_counted(program.output), line, *map(kept, sorted(folder.glob("a*.kinerec")))]
+        name, recovered = trial.name + (f" ENDED with {status}" if status else ""), performance.recovery(since)
+        row = [name, f"{len(latencies)} / {due}", _p99(performance.latencies(0.5, begin)), _p99(latencies)]
+        row += [" / ".join(f"{each:.0f}" for each in memory), "never" if math.isinf(recovered) else f"{recovered:.1f}"]
+        return Outcome([*row, ", ".join(filter(None, said))], status)
 
 
 def _attack(attack: Attack | None, place: Place, ready: Semaphore, go: Event, stop: Event) -> None:
@@ -228,8 +208,8 @@ def kept(recording: Path) -> str:
     return f"{sum(1 for _ in RawFile(recording).packets()):,} packets recorded"
 
 
-def _p99(latencies: NDArray[np.float64]) -> float:
-    return float(np.percentile(latencies, 99)) if latencies.size else float("nan")
+def _p99(latencies: NDArray[np.float64]) -> str:
+    return f"{1000 * np.percentile(latencies, 99):.1f}" if latencies.size else "-"
 
 
 def _counted(printed: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ from chaos import attacks
 from chaos.attacks import flood, publish
 from chaos.performer import FRAME_RATE
 from chaos.trial import Trial, kept, page_of
+from golden import bundle
 from programs import Program, started
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import osc
+from kinespace.stream.osc.messages import MAX_FRAMES
 from kinespace.tools.feeding.feed import Cue
 
 #: Bytes after which a disk is full.
@@ -103,6 +106,10 @@ def _flooded(name: str, packets: Callable[[], Iterator[bytes]], rate: float, **m
     return Trial(name, partial(flood, packets, rate), **more)
 
 
+def _crowded(name: str, performers: int, rate: float, **more: Any) -> Trial:  # noqa: ANN401 - as above
+    return _flooded(name, partial(attacks.crowd, performers, rate), performers * rate, **more)
+
+
 def _published(name: str, messages: Callable[[], Iterator[list[bytes]]], rate: float) -> Trial:
     return Trial(f"ZeroMQ: {name}", partial(publish, messages, rate), "zmq")
 
@@ -112,31 +119,28 @@ TRIALS: tuple[Trial, ...] = (
     Trial("nothing, by ZeroMQ", over="zmq"),
     _flooded("20,000 packets of garbage a second", attacks.garbage, 20_000),
     _flooded("10,000 new names a second", attacks.new_names, 10_000),
-    _flooded("30 Mbit/s, 4,000 messages a datagram", attacks.many_messages, 0),
-    _flooded("30 Mbit/s, 110 right frames a datagram", attacks.packed_frames, 0),
-    _flooded(f"30 Mbit/s, {osc.messages.MAX_FRAMES} right frames a datagram", attacks.full_datagrams, 0),
+    _flooded("30 Mbit/s, 4,000 messages a datagram", partial(repeat, bundle(*[b"/a\0\0,\0\0\0"] * 4000)), 0),
+    # More than are read, and as many as are.
+    _flooded("30 Mbit/s, 110 right frames a datagram", partial(attacks.packed, 110), 0),
+    _flooded(f"30 Mbit/s, {MAX_FRAMES} right frames a datagram", partial(attacks.packed, MAX_FRAMES), 0),
     _flooded("20,000 right frames a second, one performer", attacks.right_frames, 20_000),
     _flooded("the performer's name from another port", attacks.impostor, 3 * 120),
     _flooded("joints announced from another port before the performer comes", attacks.foreign_joints, 10, first=True),
-    _flooded("32 invented performers before the performer comes", attacks.many_performers, 32 * 8, first=True),
-    _published("20,000 messages of garbage a second", attacks.zmq_garbage, 20_000),
+    _crowded("32 invented performers before the performer comes", 32, 8, first=True),
+    _published("20,000 messages of garbage a second", partial(repeat, [b"hello/", b"x" * 64]), 20_000),
     _published("30 Mbit/s of empty lists in msgpack", attacks.zmq_lists, 0),
     _published("30 Mbit/s of deep and long headers", attacks.zmq_headers, 116),
-    _published("20,000 parts a second", attacks.zmq_parts, 20),
+    _published("20,000 parts a second", partial(repeat, [b"x"] * 1000), 20),
     _published("the performer's name from another connection", attacks.zmq_impostor, 240),
     Trial("ZeroMQ: 20 subscriptions of 1 MB", attacks.large_subscriptions, "zmq"),
     Trial("ZeroMQ: 1,300 silent connections before the performer's", attacks.silent_connections, "zmq", first=True),
     Trial("30 % lost, reordered, doubled, 50 ms late", fault=_network),
     Trial("the performer's clock jumps by 1,000 s and back", fault=_late_clock),
     Trial("stopped (SIGSTOP) and continued", deed=_stop_and_go, lasts=2.0),
-    _flooded("15 % of a core, 20 more performers at 60 Hz", attacks.crowd, 20 * 60, deed=slow, lasts=2.0),
+    _crowded("15 % of a core, 20 more performers at 60 Hz", 20, 60, deed=slow, lasts=2.0),
     Trial("31 strangers, a port each, 500 right frames a second", attacks.many_ports),
-    _flooded(
-        "1,500 performers of one port, 12 frames a second",
-        attacks.valid_performers,
-        1500 * 12,
-        options="--performers 3000",
-    ),
+    # As few frames as make a performer.
+    _crowded("1,500 performers of one port, 12 frames a second", 1500, 12, options="--performers 3000"),
     _flooded("20 datagrams a second of 255 or 8 commands", attacks.commands, 20, options="--teach {folder}/mine.npz"),
     Trial("a library four times as large", prepared=_large_library, options="--library {folder}/large.npz"),
     Trial("answers to a closed port", options="--osc-out 127.0.0.1:9"),

@@ -13,7 +13,6 @@ from kinespace.library.signature.parts import LEVEL_REMOVED, NOISE_FLOOR
 from kinespace.stream.recognizer.window import NEAR, read_distances, read_points, slide
 
 pytestmark = pytest.mark.skipif(not compiled.in_use, reason="nothing is compiled here")
-SEEDS = range(12)
 
 
 def _sums(generator: Generator, width: int, shape: Sequence[int]) -> list[np.ndarray]:
@@ -69,7 +68,7 @@ def _flat(given: Any) -> list[np.ndarray]:  # noqa: ANN401 - what a function giv
 
 
 @FUNCTIONS
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", range(12))
 def test_it_computes_what_numpy_computes(function: Callable[..., Any], seed: int) -> None:
     """It gives the same numbers, and leaves the same in its arguments."""
     arguments = CASES[function](np.random.default_rng(seed))

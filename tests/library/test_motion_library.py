@@ -105,15 +105,9 @@ def test_parts_that_do_not_fit_are_refused(sticks: MotionLibrary) -> None:
 @pytest.mark.parametrize("skeleton", [STICK, Skeleton(STICK.joints)])
 def test_a_library_comes_back_from_its_file_unchanged(tmp_path: Path, skeleton: Skeleton) -> None:
     """Saved and loaded, a library has the same words and numbers."""
+    words = {"actor": "Ü ß", "source": "x\ny", "licence": "CC0", "attribution": "Müller et al., „HDM05“"}
     clips = [
-        dataclasses.replace(
-            stick_clip(name, seed=seed, skeleton=skeleton),
-            actor="Ü ß",
-            frame_rate=59.94,
-            source="x\ny",
-            licence="CC0",
-            attribution="Müller et al., „HDM05“",
-        )
+        dataclasses.replace(stick_clip(name, seed=seed, skeleton=skeleton), frame_rate=59.94, **words)
         for seed, name in enumerate((*STICK_CLASSES, "wave"))
     ]
     learned = {"weights": np.arange(6, dtype=np.float32).reshape(2, 3), "one": np.array(0.5, np.float32)}
@@ -133,8 +127,7 @@ def test_classes_persons_and_motions_are_left_out(sticks: MotionLibrary) -> None
     """Classes, persons and motions are left out; all other motions stay."""
     assert sticks.without(classes=["bow", "wave"]).classes == ("jump",)
     assert sticks.without(actors=["aa"]).actors == ("bb",)
-    gone = sticks.motions[4]
-    assert sticks.without(motions=[gone]).motions == (*sticks.motions[:4], *sticks.motions[5:])
+    assert sticks.without(motions=[sticks.motions[4]]).motions == (*sticks.motions[:4], *sticks.motions[5:])
     assert sticks.without().motions == sticks.motions
 
 
@@ -171,17 +164,6 @@ def test_a_motion_both_have_is_kept_once(sticks: MotionLibrary) -> None:
 
 
 # --- the built-in library ----------------------------------------------------------------------------------------
-
-
-def test_the_built_in_library_describes_itself(builtin: MotionLibrary) -> None:
-    """The library in the package has HDM05's 288 motions of 11 classes by 5 persons, its licence and its authors."""
-    assert (len(builtin), len(builtin.classes), builtin.actors) == (288, 11, ("bd", "bk", "dg", "mm", "tr"))
-    assert builtin.skeleton == hdm05.SKELETON
-    assert {motion.frame_rate for motion in builtin.motions} == {60.0}
-    assert {motion.source for motion in builtin.motions} == {hdm05.SOURCE}
-    assert (builtin.licence, builtin.attribution) == (hdm05.LICENCE, hdm05.ATTRIBUTION)
-    assert "Mueller" in builtin.attribution
-    assert sum(motion.duration for motion in builtin.motions) == pytest.approx(595, abs=1)
 
 
 @pytest.mark.slow
@@ -433,7 +415,6 @@ def _not_finite(array: NDArray[Any]) -> NDArray[Any]:
     return np.where(array == 5, np.float32("nan"), array)
 
 
-NO_LIBRARY = "not a motion library"
 KINDS: dict[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
     "float": lambda array: array.astype(np.float64),
     "unsigned": lambda array: array.astype(np.uint16),
@@ -533,4 +514,4 @@ def test_a_zip_of_very_many_files_is_refused(content: bytes, tmp_path: Path) -> 
     with zipfile.ZipFile(file, "a") as archive:
         for number in range(2000):
             archive.writestr(f"{number}.npy", b"")
-    _assert_refused(tmp_path / "many.npz", file.getvalue(), NO_LIBRARY)
+    _assert_refused(tmp_path / "many.npz", file.getvalue(), "not a motion library")

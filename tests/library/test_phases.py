@@ -19,8 +19,7 @@ from kinespace.library.phases import PhaseTable, warped_phases
 
 def curves(count: int, seed: int) -> list[np.ndarray]:
     """Draw the same path at several speeds, with a little noise."""
-    generator = np.random.default_rng(seed)
-    drawn = []
+    generator, drawn = np.random.default_rng(seed), []
     for _ in range(count):
         times = np.linspace(0, 1, int(generator.integers(9, 17))) ** generator.uniform(0.7, 1.4)
         path = np.column_stack([np.sin(3 * times), np.cos(3 * times), times])

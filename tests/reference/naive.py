@@ -7,7 +7,9 @@ one number at a time where that is bearable.
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,30 +20,14 @@ Matrix = NDArray[np.float64]
 # --- distances, principal axis ------------------------------------------------------------------------------------
 
 
-def pairs(joints: int) -> list[tuple[int, int]]:
-    """Count out every pair of joints, the first below the second."""
-    return [(a, b) for a in range(joints) for b in range(a + 1, joints)]
+def distance_rows(positions: Matrix) -> Matrix:
+    """Measure every pair of joints, the first below the second, frame by frame, pair by pair."""
+    return np.array([[math.dist(*pair) for pair in combinations(posture, 2)] for posture in positions.tolist()])
 
 
-def distance_rows(positions: Matrix, measured: Sequence[tuple[int, int]]) -> Matrix:
-    """Measure pairs of joints, frame by frame, pair by pair, coordinate by coordinate."""
-    rows = np.empty((len(positions), len(measured)))
-    for frame, posture in enumerate(positions.tolist()):
-        for column, (first, second) in enumerate(measured):
-            total = 0.0
-            for coordinate in range(3):
-                total += (posture[first][coordinate] - posture[second][coordinate]) ** 2
-            rows[frame, column] = math.sqrt(total)
-    return rows
-
-
-def first_axis_by_svd(rows: Matrix) -> tuple[float, Matrix]:
-    """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows.
-
-    Gives the variance along it and the axis.
-    """
-    _, singular, axes = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
-    return float(singular[0]) ** 2 / (len(rows) - 1), axes[0]
+def first_axis_by_svd(rows: Matrix) -> Matrix:
+    """Find the first principal axis as the paper does, by the singular value decomposition of the centred rows."""
+    return np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)[2][0]
 
 
 # --- match and retrieval -----------------------------------------------------------------------------------------
@@ -153,7 +139,7 @@ def turn_in_order(order: str, angles: Mapping[str, float]) -> Matrix:
 
 def radians(value: float, unit: str) -> float:
     """Convert an angle of either unit."""
-    return value * math.pi / 180.0 if unit == "deg" else value
+    return math.radians(value) if unit == "deg" else value
 
 
 def _axis_frame(order: str, words: Sequence[str], unit: str) -> Matrix:
@@ -201,28 +187,20 @@ def clip_positions(asf_path: Path, amc_path: Path, every: int = 1) -> Matrix:
 # --- BVH ---------------------------------------------------------------------------------------------------------
 
 
-def bvh_places(  # noqa: PLR0913, PLR0917 - three of the joint, the rest inherited
-    offset: Sequence[float],
-    channels: Sequence[str],
-    children: Sequence[object],
-    numbers: Iterator[float],
-    at: Matrix,
-    turned: Matrix,
-) -> list[Matrix]:
+def bvh_places(joint: Any, numbers: Iterator[float], at: Matrix, turned: Matrix) -> list[Matrix]:  # noqa: ANN401 - any class
     """Place a joint and all joints below it in one frame, by recursion, in the order of the file.
 
     Parameters
     ----------
-    offset, channels, children
-        Of the joint; each child has the same three.
+    joint
+        Has an offset, channels and children, as each child has.
     numbers
         The rest of the frame's.
     at, turned
         Where the parent stands, and its frame.
     """
-    own = list(map(float, offset))
-    turn = np.eye(3)
-    for channel in channels:
+    own, turn = [*map(float, joint.offset)], np.eye(3)
+    for channel in joint.channels:
         axis, value = channel[0].lower(), next(numbers)
         if channel[1:] == "position":
             own["xyz".index(axis)] = value
@@ -230,6 +208,6 @@ def bvh_places(  # noqa: PLR0913, PLR0917 - three of the joint, the rest inherit
             turn = turn @ turn_about(axis, math.radians(value))
     here = at + turned @ np.array(own)
     places = [here]
-    for child in children:
-        places += bvh_places(child.offset, child.channels, child.children, numbers, here, turned @ turn)  # type: ignore[attr-defined]
+    for child in joint.children:
+        places += bvh_places(child, numbers, here, turned @ turn)
     return places

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
+from operator import itemgetter
+from statistics import fmean, median, pstdev
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +32,7 @@ def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.nd
         left = mean_of_last(lefts, place, 15)
         left = left - (left @ up) * up
         left = left / math.sqrt(left @ left)
-        front = np.cross(left, up)
-        middle = (frame[left_hip] + frame[right_hip]) / 2
+        front, middle = np.cross(left, up), (frame[left_hip] + frame[right_hip]) / 2
         points.append(np.concatenate([[(joint - middle) @ axis for axis in (left, up, front)] for joint in frame]))
         axes.append([0.001 * size * axis[place] for place in range(3) for axis in (left, up, front)])
     return np.array([[*mean_of_last(points, place, 5), *each] for place, each in enumerate(axes)])
@@ -39,15 +40,9 @@ def own_points_of(body: np.ndarray, corners: tuple[int, int, int, int]) -> np.nd
 
 def at_equal_way_of(path: np.ndarray) -> np.ndarray:
     """Walk along a path, and stop at so many points."""
-    lengths = [float(np.linalg.norm(after - before)) for before, after in pairwise(path)]
-    total, points = sum(lengths), []
-    for number in range(POINTS):
-        left, place = total * number / (POINTS - 1), 0
-        while place < len(lengths) - 1 and left > lengths[place]:
-            left, place = left - lengths[place], place + 1
-        share = min(left / lengths[place], 1.0) if lengths[place] > 0 else 0.0
-        points.append(path[place] + share * (path[place + 1] - path[place]))
-    return np.array(points)
+    walked = np.array([way_of(path[:count]) for count in range(1, len(path) + 1)])
+    stops = np.linspace(0.0, walked[-1], POINTS)
+    return np.array([np.interp(stops, walked, coordinate) for coordinate in path.T]).T
 
 
 def course_of(points: np.ndarray, whitening: np.ndarray | None = None) -> np.ndarray:
@@ -113,14 +108,9 @@ Place = Sequence[float]
 Posture = Sequence[Place]
 
 
-def length(one: Place, other: Place) -> float:
-    """Say how far two places are apart, metres."""
-    return math.sqrt(sum((a - b) ** 2 for a, b in zip(one, other, strict=True)))
-
-
 def segment_lengths(posture: Posture, parents: Sequence[int]) -> list[float]:
     """Measure each joint's distance from its parent, in the order of the joints that have one."""
-    return [length(posture[joint], posture[parent]) for joint, parent in enumerate(parents) if parent >= 0]
+    return [math.dist(posture[joint], posture[parent]) for joint, parent in enumerate(parents) if parent >= 0]
 
 
 def steps_between(before: Posture, after: Posture) -> list[list[float]]:
@@ -130,42 +120,35 @@ def steps_between(before: Posture, after: Posture) -> list[list[float]]:
 
 def squares_about_mean(steps: Posture) -> float:
     """Add up the squares of the steps about their mean, m²."""
-    mean = [sum(step[axis] for step in steps) / len(steps) for axis in range(3)]
-    return sum(length(step, mean) ** 2 for step in steps)
+    mean = [fmean(step[axis] for step in steps) for axis in range(3)]
+    return sum(math.dist(step, mean) ** 2 for step in steps)
 
 
 def build_and_stretch(postures: Sequence[Posture], parents: Sequence[int]) -> tuple[list[float], float]:
     """Average the logarithm of each segment's length over postures; and the segments' standard deviations."""
     logs = [[math.log(max(each, 0.01)) for each in segment_lengths(posture, parents)] for posture in postures]
     of_segments = list(zip(*logs, strict=True))
-    means = [sum(each) / len(each) for each in of_segments]
-    squares = [sum((log - mean) ** 2 for log in each) for each, mean in zip(of_segments, means, strict=True)]
-    return means, sum(math.sqrt(each / len(logs)) for each in squares) / len(squares)
+    return [*map(fmean, of_segments)], fmean(map(pstdev, of_segments))
 
 
 def unlike(build: Sequence[float], other: Sequence[float]) -> float:
     """Compare two builds, segments weighed by the other's lengths cubed, after the sizes are made equal."""
     weights = [math.exp(each) ** 3 for each in other]
     by = [one - log for one, log in zip(build, other, strict=True)]
-    mean = sum(w * each for w, each in zip(weights, by, strict=True)) / sum(weights)
-    return math.sqrt(sum(w * (each - mean) ** 2 for w, each in zip(weights, by, strict=True)) / sum(weights))
+    mean = fmean(by, weights)
+    return math.sqrt(fmean([(each - mean) ** 2 for each in by], weights))
 
 
 def step_length(before: Posture, after: Posture, jumping: int) -> float:
     """Give how far the so-many-th farthest joint steps, the body's own step, the middle one on each axis, apart."""
     steps = steps_between(before, after)
-    own = [_median([step[axis] for step in steps]) for axis in range(3)]
-    return sorted((length(step, own) for step in steps), reverse=True)[jumping - 1]
+    own = [median(step[axis] for step in steps) for axis in range(3)]
+    return sorted((math.dist(step, own) for step in steps), reverse=True)[jumping - 1]
 
 
 def keeps_its_place(places: Sequence[Place], within: float) -> bool:
     """Say whether a joint stays within some metres on each axis."""
     return all(max(p[axis] for p in places) - min(p[axis] for p in places) < within for axis in range(3))
-
-
-def _median(numbers: Sequence[float]) -> float:
-    ordered, middle = sorted(numbers), len(numbers) // 2
-    return ordered[middle] if len(numbers) % 2 else (ordered[middle - 1] + ordered[middle]) / 2
 
 
 # --- progress: time warping by its recursion, the forward filter a moment at a time -----------------------------------
@@ -182,17 +165,11 @@ def warped_phase(first: NDArray[np.float64], second: NDArray[np.float64]) -> lis
         if i == j == 0:
             return cost(0, 0), ((0, 0),)
         ways = []
-        if i and j:
-            total, path = cheapest(i - 1, j - 1)
-            ways.append((total + 1.4 * cost(i, j), path))
-        if i:
-            total, path = cheapest(i - 1, j)
-            ways.append((total + cost(i, j), path))
-        if j:
-            total, path = cheapest(i, j - 1)
-            ways.append((total + cost(i, j), path))
-        total, path = min(ways, key=lambda way: way[0])
-        return total, (*path, (i, j))
+        for one, other, weight in ((1, 1, 1.4), (1, 0, 1.0), (0, 1, 1.0)):
+            if i >= one and j >= other:
+                total, path = cheapest(i - one, j - other)
+                ways.append((total + weight * cost(i, j), (*path, (i, j))))
+        return min(ways, key=itemgetter(0))
 
     _, path = cheapest(len(first) - 1, len(second) - 1)
     last = max(len(second) - 1, 1)
@@ -236,17 +213,12 @@ def weighed(
     belief: list[list[float]], vectors: NDArray[np.floating], live: NDArray[np.float64], sharpness: float
 ) -> list[list[float]]:
     """Weigh every moment by how alike the live body is, and let the probabilities sum to one."""
-    logs = [[-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in each] for each in vectors]
-    most = max(map(max, logs))
-    products = [
-        [each * math.exp(log - most) for each, log in zip(*pair, strict=True)]
-        for pair in zip(belief, logs, strict=True)
-    ]
-    total = math.fsum(map(math.fsum, products))
-    return [[each / total for each in own] for own in products]
+    logs = np.array([[-0.5 * sharpness * float(((vector - live) ** 2).sum()) for vector in each] for each in vectors])
+    products = np.array(belief) * np.exp(logs - logs.max())
+    return (products / products.sum()).tolist()
 
 
-def median(belief: list[list[float]]) -> float:
+def median_of(belief: list[list[float]]) -> float:
     """Give the phase below which half the probability lies; of a moment's a share that is its phase lies behind it."""
     count, below, before = len(belief[0]), 0.0, (0.0, 0.0)
     for moment in range(count):
@@ -268,18 +240,12 @@ class Pace:
         self._seen: list[tuple[float, float, float, float]] = []
         self.speed = 1.0
 
-    def push(
-        self,
-        past: Sequence[NDArray[np.float64]],
-        velocity: NDArray[np.float64],
-        expected: tuple[float, float],
-        usual_swing: float,
-    ) -> None:
+    def push(self, past: Sequence[np.ndarray], moving: np.ndarray, expected: tuple[float, float], usual: float) -> None:
         """Take in a step: all points so far, the newest velocity, the squared speeds and the log swing expected."""
         span = max(2, round(30 / min(max(self.speed, 0.5), 1.5)))
         last = np.array(past[-span:])
         swing = 0.5 * math.log(sum(float(np.mean((each - each.mean()) ** 2)) for each in last.T) + 1e-6)
-        self._seen.append((float(np.sum(velocity**2)), *expected, swing - usual_swing))
+        self._seen.append((float(np.sum(moving**2)), *expected, swing - usual))
         live, one, other = (self._faded(which, 0.15) / self._faded(None, 0.15) + self._floor for which in range(3))
         self.speed = math.sqrt(live / math.sqrt(one * other))
         self.amplitude = math.exp(self._faded(3, 0.4) / self._faded(None, 0.4))

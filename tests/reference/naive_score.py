@@ -39,12 +39,7 @@ def time_share(of: Callable[[Moment], bool], moments: Sequence[Moment]) -> float
 
 def percentile(values: Sequence[float], percent: float) -> float | None:
     """Find a percentile, in a straight line between neighbours."""
-    if not values:
-        return None
-    ordered, place = sorted(values), percent / 100 * (len(values) - 1)
-    below = math.floor(place)
-    above = min(below + 1, len(values) - 1)
-    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+    return float(np.percentile(values, percent)) if values else None
 
 
 def roc_area(known: Sequence[float], unknown: Sequence[float]) -> float | None:

@@ -47,8 +47,7 @@ class NaiveSmoother:
         """Take in rows measured together; give them averaged with the rows before, or unchanged."""
         self.rows += batch
         self.waiting += len(batch)
-        enough = self.waiting >= 30 or reaches(self.rows[-1][0] - self.rows[-self.waiting][0], 0.1)
-        if enough:
+        if self.waiting >= 30 or reaches(self.rows[-1][0] - self.rows[-self.waiting][0], 0.1):
             self._estimate(self.waiting)
             self.waiting = 0
         if self.noise < NOISY:

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from kinespace.library import Skeleton
 
 Matrix = NDArray[np.float64]
+Row = Sequence[float]
+#: A kind, and seconds.
+Part = tuple[str, float]
 
 #: A marker's noise, relative to the body's size.
 NOISE = 1 / 60
@@ -78,8 +81,7 @@ class NaiveMoments:
 
 def moments(times: Matrix, rows: Matrix) -> NaiveMoments:
     """Take the moments of a window's rows, all of which count alike."""
-    mean = rows.mean(axis=0)
-    late = times - times.mean()
+    mean, late = rows.mean(axis=0), times - times.mean()
     swing = math.sqrt(float(np.mean(late**2)))
     along = np.mean(late[:, None] * (rows - mean), axis=0)
     return NaiveMoments(mean, np.sqrt(np.mean((rows - mean) ** 2, axis=0)), along / swing if swing else 0.0 * mean)
@@ -144,8 +146,8 @@ def as_vector(matrix: Matrix) -> Matrix:
 
 
 def numbers_of(  # noqa: PLR0913, PLR0917 - a window, and the body it is of
-    parts: Sequence[tuple[str, float]], ends: float, times: Matrix, rows: Matrix, directions: Matrix, body: NaiveBody
-) -> dict[tuple[str, float], Matrix]:
+    parts: Sequence[Part], ends: float, times: Matrix, rows: Matrix, directions: Matrix, body: NaiveBody
+) -> dict[Part, Matrix]:
     """Read each part, a kind and seconds, off the rows of its last seconds; eigen parts as matrices."""
     numbers = {}
     for kind, seconds in parts:
@@ -164,7 +166,7 @@ def numbers_of(  # noqa: PLR0913, PLR0917 - a window, and the body it is of
 
 #: An origin, and axes along which vectors are seen from it; none where numbers stay as they are.
 Metric = tuple[Matrix, Matrix] | None
-Numbers = Mapping[tuple[str, float], Matrix]
+Numbers = Mapping[Part, Matrix]
 
 
 def seen_by(metric: Metric, numbers: Matrix) -> Matrix:
@@ -172,7 +174,7 @@ def seen_by(metric: Metric, numbers: Matrix) -> Matrix:
     return numbers if metric is None else (numbers - metric[0]) @ metric[1]
 
 
-def as_vectors(numbers: Numbers, metrics: Mapping[tuple[str, float], Metric]) -> dict[tuple[str, float], Matrix]:
+def as_vectors(numbers: Numbers, metrics: Mapping[Part, Metric]) -> dict[Part, Matrix]:
     """See each part by its metric, the matrices of eigen parts as vectors."""
     return {
         part: seen_by(metric, as_vector(numbers[part]) if part[0] == "eigen" else numbers[part])
@@ -181,10 +183,7 @@ def as_vectors(numbers: Numbers, metrics: Mapping[tuple[str, float], Metric]) ->
 
 
 def placed(
-    numbers: Numbers,
-    groups: Sequence[Sequence[tuple[str, float]]],
-    metrics: Mapping[tuple[str, float], Metric],
-    joint: Sequence[Metric],
+    numbers: Numbers, groups: Sequence[Sequence[Part]], metrics: Mapping[Part, Metric], joint: Sequence[Metric]
 ) -> list[Matrix]:
     """Give the vector of each group, by its metric if it has several parts; an eigen part alone stays a matrix."""
     vectors = as_vectors(numbers, metrics)
@@ -249,14 +248,7 @@ def body_of(skeleton: Skeleton) -> NaiveBody:
 
 
 def logit(  # noqa: PLR0913 - all that a judgement knows
-    weights: Sequence[float],
-    compared: Sequence[float],
-    typical: Sequence[float],
-    noise: float,
-    *,
-    offset: float,
-    bias: float = 0.0,
-    slope: float = 0.0,
+    weights: Row, compared: Row, typical: Row, noise: float, *, offset: float, bias: float = 0.0, slope: float = 0.0
 ) -> float:
     """Weigh evidence: distances and leads relative to typical ones, noise, and the mean lead by the guess's slope."""
     relative = [number - usual for number, usual in zip(compared, typical, strict=True)]

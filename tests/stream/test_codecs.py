@@ -35,6 +35,7 @@ from kinespace.stream.status import AdmissionCounts, InputCounts, PerformerCount
 from kinespace.stream.zeromq.messages import decode_body, decode_packed, encode_body
 
 _TEXT = st.text(st.characters(exclude_characters="\0", codec="utf-8"), min_size=1, max_size=12)
+_NAMES = st.lists(_TEXT, min_size=1, max_size=40, unique=True)
 _TIMES = st.floats(allow_nan=False, allow_infinity=False).filter(bool)
 
 
@@ -113,11 +114,7 @@ def _through_one_part(frame: Frame, seq: int, joints: Sequence[str] | None) -> l
 
 @pytest.mark.slow
 @pytest.mark.parametrize("through", [_through_osc, _through_bundles, _through_three_parts, _through_one_part])
-@given(
-    frame=frames(),
-    seq=st.integers(0, 2**63 - 1),
-    joints=st.none() | st.lists(_TEXT, min_size=1, max_size=40, unique=True),
-)
+@given(frame=frames(), seq=st.integers(0, 2**63 - 1), joints=st.none() | _NAMES)
 @example(frame=Frame("four", 1e-300, np.ones((31, 3), np.float32)), seq=0, joints=list(SKELETON.joints))
 def test_a_sent_frame_is_read_back(
     through: Callable[[Frame, int, Sequence[str] | None], list[object]],
@@ -140,8 +137,7 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     )
     assert zeromq.decode_answer(zeromq.encode_recognition(recognition)) == expected
     packet = osc.messages.encode_recognition(recognition)
-    part = osc.address_part(recognition.performer)
-    read = osc.decode_answer(packet)
+    part, read = osc.address_part(recognition.performer), osc.decode_answer(packet)
     assert (read.performer, read.class_index, read.label) == (part, recognition.class_index, recognition.label)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
@@ -170,6 +166,7 @@ _OF_PROGRESS = ("phase", "scrub", "speed", "amplitude", "sure", "cycles")
 def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
     """With any names and numbers, an answer is what json would write, field by field and in this order."""
     best = float(recognition.scores[recognition.best])
+    by_class = zip(recognition.classes, recognition.scores, strict=True)
     others = [place for place in np.argsort(-recognition.scores, kind="stable") if place != recognition.best]
     followed = recognition.progress
     expected = {
@@ -185,9 +182,7 @@ def test_an_answer_equals_json_dumps(recognition: Recognition) -> None:
         "score": best,
         "runner_up": recognition.classes[others[0]] if others else None,
         "margin": best - (float(recognition.scores[others[0]]) if others else 0.0),
-        "scores": {
-            name: round(float(score), 6) for name, score in zip(recognition.classes, recognition.scores, strict=True)
-        },
+        "scores": {name: round(float(score), 6) for name, score in by_class},
         **{name: getattr(recognition, name) for name in _AS_THEY_ARE},
         "doubted": [],
         "progress": followed
@@ -235,8 +230,7 @@ _STICK = Skeleton(tuple("abcde"), (-1, 0, 1, 1, 2))
 @given(frame=frames(), carried=st.none() | st.just(Carried((1.0, 0.0, 0.0, 0.0, 0.5), ((0, 1), (0, 2)))))
 def test_a_sent_body_is_read_back(frame: Frame, carried: Carried | None) -> None:
     """Name, time and positions come back; skeleton and weights where they are the frame's."""
-    read = decode_body(encode_body(frame, _STICK, carried))
-    performer, header, positions = read
+    performer, header, positions = decode_body(encode_body(frame, _STICK, carried))
     assert (performer, header.t, header.joints) == (frame.performer, frame.time, len(frame.positions))
     assert np.array_equal(np.frombuffer(positions, "<f4").reshape(-1, 3), frame.positions)
     fits = len(frame.positions) == len(_STICK.joints)
@@ -302,7 +296,6 @@ def test_a_wrong_packet_is_counted(decoder: type[OscDecoder], counter: str, pack
     assert len(reader.decode(good, 1.0, None)) == 1
 
 
-SENDER = ("10.0.0.5", 4000)
 _NOWHERE = osc.encode_message("/motion/frame", "ann", 1.0, *[0.0] * 5, float("inf"), *[0.0] * 3)
 _FLOATS = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
 
@@ -320,7 +313,7 @@ _FLOATS = b'{"v":1,"t":1.0,"shape":[1,3],"dtype":"float64"}'
 def test_the_last_refusal_names_reason_and_sender(decoder: OscDecoder, packet: bytes | list[bytes], told: str) -> None:
     """The reason, the sender and an excerpt of the packet, in one line without control characters."""
     assert decoder.refusals.lines() == []
-    assert not decoder.decode(packet, 1.0, SENDER)
+    assert not decoder.decode(packet, 1.0, ("10.0.0.5", 4000))
     (line,) = decoder.refusals.lines()
     assert line.isprintable()
     assert re.match(told, line)
@@ -333,8 +326,7 @@ def test_cut_off_anywhere_a_packet_never_becomes_a_smaller_one() -> None:
         events, refused = osc.decode(whole[:length], 1.0)
         assert (events, [kind for kind, _ in refused]) == ([], ["malformed"])
     packet = bundle(whole, bundle(message("/b", "i", 1), whole), message("/c", "s", "ü"))
-    expected = decode_packet(packet)
-    found = []
+    expected, found = decode_packet(packet), []
     for length in range(len(packet)):
         try:
             found.append(decode_packet(packet[:length]))
@@ -377,8 +369,7 @@ def test_no_topic_begins_anothers() -> None:
 )
 def test_a_body_that_does_not_fit_is_refused(header: dict[str, object]) -> None:
     """Sizes and indices beyond the body never reach who draws it."""
-    encoded = json.dumps({"v": 1, "t": 0} | header).encode()
-    assert decode_body([b"body/a/", encoded, bytes(24)]) is None
+    assert decode_body([b"body/a/", json.dumps({"v": 1, "t": 0} | header).encode(), bytes(24)]) is None
 
 
 # --- any bytes ---------------------------------------------------------------------------------------------------
@@ -453,10 +444,7 @@ def test_what_is_wrong_is_refused_by_name(name: str, value: object, expected: st
 # --- recognition ------------------------------------------------------------------------------------------------------
 
 
-NAMELESS = [outcome for outcome in Outcome if outcome is not Outcome.NAMED]
-
-
-@pytest.mark.parametrize("outcome", NAMELESS)
+@pytest.mark.parametrize("outcome", [each for each in Outcome if each is not Outcome.NAMED])
 def test_without_a_name_the_label_says_why(outcome: Outcome) -> None:
     """Still and ambiguous windows name no class, index -1, and say their outcome; the scores are there all the same."""
     nameless = dataclasses.replace(NAMED, outcome=outcome)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pythonosc.osc_packet import OscPacket
 
 from kinespace.stream import Announcement, Frame, Outcome, Performers, Recognition, Recognizer
 from kinespace.stream.outputs import Sink
@@ -133,18 +134,13 @@ class Bench:
 
 #: The second of three classes is named.
 NAMED = Recognition(
-    performer="Ada",
-    time=4.0,
-    outcome=Outcome.NAMED,
-    classes=("bow", "jump", "wave"),
-    scores=np.array([0.25, 0.75, 0.5], dtype=np.float32),
-    movement=0.2,
-    share=0.8,
-    gap=0.6,
-    lead=0.5,
-    eigenvector_class="wave",
-    eigenvector_score=0.9,
+    "Ada", 4.0, Outcome.NAMED, ("bow", "jump", "wave"), np.array([0.25, 0.75, 0.5], dtype=np.float32), movement=0.2
 )
+
+
+def params_of(packet: bytes | None) -> dict[str, list[object]]:
+    """Read a packet with python-osc: arguments by address."""
+    return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
 
 
 def shown(

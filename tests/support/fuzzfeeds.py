@@ -2,17 +2,17 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 import wrong
-from fakes import FakeReceiver
+from fakes import NAMED, FakeReceiver
 from golden import LAYOUTS, bundle, message, moments
 
 from kinespace.library.naming.hdm05 import SKELETON
-from kinespace.stream import Announcement, Frame, Outcome, Recognition, osc, zeromq
+from kinespace.stream import Announcement, Frame, osc, zeromq
 from kinespace.stream.feeds import Preset
 from kinespace.stream.feeds.frame_assembler import MAX_PERFORMERS
 from kinespace.stream.inputs import Source, ZmqDecoder
@@ -46,34 +46,47 @@ def golden_packets(preset: str) -> list[bytes]:
     return packets
 
 
+def changed(whole: bytes, telling: Sequence[bytes], generator: np.random.Generator) -> bytes:
+    """Change bytes: cut, others in their place, words put in or exchanged, pieces repeated, left out, put elsewhere."""
+    changed = bytearray(whole)
+    for _ in range(int(generator.integers(1, 5))):
+        first, second = sorted(generator.integers(len(changed) + 1, size=2).tolist())
+        word = telling[generator.integers(len(telling))]
+        match generator.integers(8):
+            case 0:
+                del changed[first:]
+            case 1:
+                del changed[first : min(second, first + 200)]
+            case 2 | 3:
+                changed[first : first + len(word) % 100] = word
+            case 4:
+                words = bytes(changed).split(b" ")
+                words[generator.integers(len(words))] = word
+                changed = bytearray(b" ".join(words))
+            case 5:
+                changed[first:first] = changed[first : min(second, first + 500)] * int(generator.integers(1, 40))
+            case _ if changed:
+                changed[first % len(changed)] = generator.integers(256)
+    return bytes(changed)
+
+
 def broken(packets: list[bytes], generator: np.random.Generator) -> Iterator[bytes]:
-    """Give packets without end: as they are, cut, changed, joined, repeated, nested, with other arguments, noise."""
+    """Give packets without end: as they are, changed, joined, nested, with other arguments, noise."""
     while True:
-        packet = packets[generator.integers(len(packets))]
+        packet, other = (packets[generator.integers(len(packets))] for _ in range(2))
         match generator.integers(9):
             case 0:
                 yield packet
             case 1:
-                yield packet[: generator.integers(len(packet) + 1)]
-            case 2 | 3:
-                changed = bytearray(packet)
-                for _ in range(generator.integers(1, 6)):
-                    place = int(generator.integers(len(changed)))
-                    telling = _TELLING[generator.integers(len(_TELLING))]
-                    changed[place : place + len(telling)] = telling
-                yield bytes(changed)
-            case 4:
-                changed = bytearray(packet)
-                changed[generator.integers(len(changed))] = generator.integers(256)
-                yield bytes(changed)
-            case 5:
-                yield packet + packets[generator.integers(len(packets))]
-            case 6:
-                yield bundle(packet, packets[generator.integers(len(packets))], bundle(packet))
-            case 7:
+                yield packet + other
+            case 2:
+                yield bundle(packet, other, bundle(packet))
+            case 3:
                 yield _with_other_arguments(packet, generator)
-            case _:
+            case 4:
                 yield generator.bytes(int(generator.integers(80)))
+            case _:
+                yield changed(packet, _TELLING, generator)
 
 
 def _with_other_arguments(packet: bytes, generator: np.random.Generator) -> bytes:
@@ -159,9 +172,6 @@ def run_messages(messages: int, seed: int) -> Source:
     return source
 
 
-_NAMED = Recognition("jan", 4.0, Outcome.NAMED, ("bow", "wave"), np.array([0.25, 0.75], np.float32), 0.2)
-
-
 class Reader(NamedTuple):
     """What a codec reads: good messages, and the function that reads one, which gives nothing for a broken one."""
 
@@ -171,8 +181,8 @@ class Reader(NamedTuple):
 
 #: What reads a message beside a feed's decoders, and is never to raise.
 READERS = {
-    "OSC answers": Reader([[osc.messages.encode_recognition(_NAMED)]], lambda parts: osc.decode_answer(parts[0])),
-    "ZeroMQ answers": Reader([zeromq.encode_recognition(_NAMED)], zeromq.decode_answer),
+    "OSC answers": Reader([[osc.messages.encode_recognition(NAMED)]], lambda parts: osc.decode_answer(parts[0])),
+    "ZeroMQ answers": Reader([zeromq.encode_recognition(NAMED)], zeromq.decode_answer),
     "bodies": Reader([encode_body(Frame("jan", 1.0, np.ones((31, 3))), SKELETON)], decode_body),
 }
 

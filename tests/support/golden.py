@@ -86,6 +86,16 @@ def _shares(place: Any) -> Any:  # noqa: ANN401 - three numbers
     return (np.array([1.28, 0.96, 0]) - place * (1, 1, -1)) / (2.56, 1.92, 1.28)
 
 
+def _osceleton2(name: str, place: Any, now: Moment) -> bytes:  # noqa: ANN401 - three numbers
+    """Centimetres, confidence, and milliseconds as a double."""
+    return message("/osceleton2/joint", "siiffffd", name, 0, 1, *100 * place, 1.0, 1000 * now.time)
+
+
+def _kinectv2(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three numbers
+    """Bodies have numbers of 64 bits."""
+    return message(f"/bodies/72057594037928017/joints/{name}", "fffs", *place, "Tracked")
+
+
 def nimate_omni(moment: Moment) -> list[bytes]:
     """All coordinates in the order of NI mate's list."""
     joints = named("nimate-omni", moment.places)
@@ -101,8 +111,7 @@ def _vrchat(name: str, place: Any, _: Moment) -> bytes:  # noqa: ANN401 - three 
 
 def qtm(moment: Moment) -> list[bytes]:
     """One bundle: /qtm/data with a time of 64 bits in microseconds, then the segments in millimetres, z up."""
-    joints = named("qtm", moment.places)
-    microseconds = round(moment.time * 1e6)
+    joints, microseconds = named("qtm", moment.places), round(moment.time * 1e6)
     low = microseconds & 0xFFFFFFFF
     head = message("/qtm/data", "iiiiiii", microseconds >> 32, low - (low >> 31 << 32), 0, moment.number, 0, 0, 1)
     segments = [
@@ -245,11 +254,9 @@ def vmc_loose(moment: Moment) -> list[bytes]:
 
 def rokoko(moment: Moment) -> list[bytes]:
     """One JSON object a frame (Rokoko's example of version 3), here of two actors, one of whom has no body."""
+    turn = dict(zip("xyzw", _NO_TURN, strict=True))
     body = {
-        name: {
-            "position": dict(zip("xyz", place.tolist(), strict=True)),
-            "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-        }
+        name: {"position": dict(zip("xyz", place.tolist(), strict=True)), "rotation": turn}
         for name, place in named("rokoko", moment.places).items()
     }
     meta = {"hasGloves": False, "hasLeftGlove": False, "hasRightGlove": False, "hasBody": True, "hasFace": False}
@@ -260,8 +267,7 @@ def rokoko(moment: Moment) -> list[bytes]:
 
 def xsens(moment: Moment) -> list[bytes]:
     """One MXTP02 datagram: 24 bytes of header, 23 segments of 32 bytes, z up."""
-    joints = named("xsens", moment.places)
-    segments = b""
+    joints, segments = named("xsens", moment.places), b""
     for number, name in enumerate(builtin_preset("xsens").order, start=1):
         x, y, z = joints.get(name, np.zeros(3))
         segments += struct.pack(">i7f", number, z, x, y, 1.0, 0.0, 0.0, 0.0)
@@ -289,17 +295,8 @@ _MADE: dict[str, Layout] = {
     **{each.__name__: each for each in (native, vmc, qtm, natnet2osc, mediapipe, wekinator, rokoko, xsens, zigsim)},
     "osceleton": by_joint("osceleton", lambda name, place, _: message("/joint", "sifff", name, 1, *_shares(place))),
     "osceleton -q": by_joint("osceleton", lambda name, place, _: message(f"/joint/{name}/1", "fff", *_shares(place))),
-    # Centimetres, confidence, and milliseconds as a double.
-    "osceleton2": by_joint(
-        "osceleton2",
-        lambda name, place, now: message(
-            "/osceleton2/joint", "siiffffd", name, 0, 1, *100 * place, 1.0, 1000 * now.time
-        ),
-    ),
-    "kinectv2": by_joint(
-        "kinectv2",
-        lambda name, place, _: message(f"/bodies/72057594037928017/joints/{name}", "fffs", *place, "Tracked"),
-    ),
+    "osceleton2": by_joint("osceleton2", _osceleton2),
+    "kinectv2": by_joint("kinectv2", _kinectv2),
     # Older versions.
     "kinectv2 bare": by_joint("kinectv2", lambda name, place, _: message(f"/bodies/1/joints/{name}", "fff", *place)),
     # Basic + orientation.
@@ -327,9 +324,7 @@ _MADE: dict[str, Layout] = {
     "mediapipe pose2art": bundled(by_joint("mediapipe", _landmark)),
     "joints": by_joint("joints", lambda name, place, _: message(f"/{name}", "fff", *place)),
     "joints of two": by_joint("joints", lambda name, place, _: message(f"/ann/{name}", "fff", *place)),
-    "captury": by_joint(
-        "captury", lambda name, place, _: message(f"/John-Doe/blender/{name}/vector", "fff", *1000 * place)
-    ),
+    "captury": by_joint("captury", lambda name, at, _: message(f"/John-Doe/blender/{name}/vector", "fff", *1000 * at)),
     "zigsim osc": bundled(by_joint("zigsim", lambda name, place, _: message(f"/B8-27/{name}", "fff", *place))),
     # Stamped with a real time.
     "touchdesigner": lambda moment: [bundle(*touchdesigner(moment), tag=struct.pack(">Q", 1 << 40))],
@@ -345,5 +340,4 @@ def moments(
     """Show a body of HDM05's joints as a product does: the time of each frame, and its datagrams."""
     for number, joints in enumerate(positions):
         time = begin + number / rate
-        places = dict(zip(SKELETON.joints, joints, strict=True))
-        yield time, LAYOUTS[layout][1](Moment(places, time, number))
+        yield time, LAYOUTS[layout][1](Moment(dict(zip(SKELETON.joints, joints, strict=True)), time, number))

@@ -2,19 +2,20 @@
 
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout
 from functools import cache, partial
 from io import StringIO
+from itertools import product
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, MotionLibrary
 from kinespace.stream import Frame, osc
 from kinespace.stream.recognition import Answer
+from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.feeding.feed import Cue, OscFrameSender, without_pause
 from kinespace.tools.feeding.service import Listener, answer_in
@@ -35,6 +37,8 @@ REMARK = re.compile(
 SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
 SMALL_ACTORS = ("bd", "dg", "mm")
 ROOT = Path(__file__).resolve().parents[2]
+#: Where the recordings are, if they are anywhere.
+DATA = Path(os.environ.get("KINESPACE_DATA") or ROOT.parent / "shared" / "data")
 LOOPBACK = "127.0.0.1"
 #: Seconds that a child may take for one step before the test fails; a busy machine is slow.
 PATIENCE = 240.0
@@ -89,11 +93,9 @@ def started(*arguments: object, at: Path = ROOT, begins: Sequence[object] = _COM
     with tempfile.TemporaryDirectory() as folder:
         output, errors = Path(folder) / "output", Path(folder) / "errors"
         with output.open("wb") as out, errors.open("wb") as err:
-            surroundings = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200"}
+            around = {**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200"}
             command = [*map(str, begins), *map(str, arguments)]
-            process = subprocess.Popen(
-                command, cwd=at, env=surroundings, stdin=subprocess.DEVNULL, stdout=out, stderr=err
-            )
+            process = subprocess.Popen(command, cwd=at, env=around, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
         try:
             yield Program(process, Path(folder))
         finally:
@@ -111,6 +113,12 @@ def ran(*arguments: object) -> tuple[int, str, str]:
     return status, out.getvalue(), err.getvalue()
 
 
+def python(*arguments: object, **more: Any) -> subprocess.CompletedProcess[str]:  # noqa: ANN401 - as subprocess has it
+    """Run Python to its end."""
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE, **more)
+
+
 def until(reached: Callable[[], _Reached]) -> _Reached:
     """Ask until something is reached; give it."""
     end = time.monotonic() + PATIENCE
@@ -126,6 +134,16 @@ def free_udp_port() -> int:
         probe.bind((LOOPBACK, 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def key_folders(place: Path, *names: str) -> list[Path]:
+    """Make a folder of keys for each name; the first knows all, the others know the first."""
+    made = [place / name for name in names]
+    publics = [make_keys(folder, folder.name)[0] for folder in made]
+    for folder, public in zip(made[1:], publics[1:], strict=True):
+        shutil.copy(public, made[0])
+        shutil.copy(publics[0], folder)
+    return made
 
 
 _OF_INPUT = ("received", "malformed", "foreign", "overrun", "missing", "out of order", "other joints", "no room")
@@ -157,14 +175,20 @@ def builtin_library() -> MotionLibrary:
     return MotionLibrary.builtin()
 
 
+def motions_of(class_name: str, actor: str = "bd") -> list[Clip]:
+    """Choose motions of the built-in library."""
+    return [each for each in builtin_library().motions if (each.class_name, each.actor) == (class_name, actor)]
+
+
+def two_of_each(classes: Sequence[str], actors: Sequence[str]) -> tuple[Clip, ...]:
+    """Choose two motions of each class by each actor."""
+    return tuple(each for both in product(classes, actors) for each in motions_of(*both)[:2])
+
+
 @cache
 def small_library() -> MotionLibrary:
     """Give a library that opens fast: two motions of each of three classes by each of three people, its teachers."""
-    kept: dict[tuple[str, str], list[Clip]] = defaultdict(list)
-    for motion in builtin_library().motions:
-        if motion.class_name in SMALL_CLASSES and motion.actor in SMALL_ACTORS:
-            kept[motion.class_name, motion.actor].append(motion)
-    return MotionLibrary.of_clips(clip for clips in kept.values() for clip in clips[:2])
+    return MotionLibrary.of_clips(two_of_each(SMALL_CLASSES, SMALL_ACTORS))
 
 
 @cache

@@ -188,10 +188,7 @@ def _written_bvh(path: Path, generator: np.random.Generator, frames: int, metres
     scales = [0.5 / metres if name in MOVES else 180.0 for node in joints for name in node.channels]
     motion = [(generator.uniform(0.1, 1.0, len(scales)) * scales).tolist() for _ in range(frames)]
     path.write_text(bvh_text(nodes[0], motion))
-    places = [
-        naive.bvh_places(nodes[0].offset, nodes[0].channels, nodes[0].children, iter(frame), np.zeros(3), np.eye(3))
-        for frame in motion
-    ]
+    places = [naive.bvh_places(nodes[0], iter(frame), np.zeros(3), np.eye(3)) for frame in motion]
     return Written(path, tuple(node.name for node in joints), np.array(places) * metres)
 
 

@@ -5,7 +5,6 @@ import pickle
 from collections.abc import Sequence
 
 import msgpack
-import msgspec
 import numpy as np
 from golden import bundle, message
 
@@ -35,9 +34,8 @@ def zmq_frame(numbers: list[float] = POSE, performer: str = "p", **changes: obje
 def msgpack_frame(**changes: object) -> list[bytes]:
     """Write a frame in one part, some fields changed."""
     data = np.array(POSE, "<f4").tobytes()
-    return [
-        msgpack.packb({"v": 1, "performer": "p", "t": 11.0, "shape": [31, 3], "dtype": "<f4", "data": data} | changes)
-    ]
+    fields = {"v": 1, "performer": "p", "t": 11.0, "shape": [31, 3], "dtype": "<f4", "data": data}
+    return [msgpack.packb(fields | changes)]
 
 
 def _skeleton(tags: str, *arguments: object) -> bytes:
@@ -164,16 +162,6 @@ FOREIGN_ZMQ: dict[str, list[bytes]] = {
 
 def in_one_part(frame: Frame, seq: int, joints: Sequence[str] | None = None) -> bytes:
     """Encode a frame as one msgpack map, positions as float32; with the joint names when they are given."""
-    positions = np.ascontiguousarray(frame.positions, dtype="<f4")
-    described: dict[str, object] = {
-        "v": 1,
-        "performer": frame.performer,
-        "seq": seq,
-        "t": frame.time,
-        "shape": list(positions.shape),
-        "dtype": "<f4",
-        "data": positions.tobytes(),
-    }
-    if joints is not None:
-        described["joints"] = list(joints)
-    return msgspec.msgpack.encode(described)
+    named = {} if joints is None else {"joints": [*joints]}
+    shape, data = [*frame.positions.shape], frame.positions.astype("<f4").tobytes()
+    return msgpack_frame(performer=frame.performer, seq=seq, t=frame.time, shape=shape, data=data, **named)[0]

@@ -15,7 +15,7 @@ import pytest
 from golden import LAYOUTS, Moment
 from numpy.typing import NDArray
 from PIL import Image
-from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, started
+from programs import LOOPBACK, PATIENCE, ROOT, Program, builtin_library, free_udp_port, motions_of, started
 
 from kinespace.stream import Announcement, Frame
 from kinespace.stream.osc import OscSender, encode_announcement, encode_frame
@@ -94,7 +94,7 @@ class Performer:
 
 def takes(class_name: str) -> list[NDArray[np.float64]]:
     """Give one person's takes of a class."""
-    return [each.positions for each in builtin_library().motions if (each.class_name, each.actor) == (class_name, "bd")]
+    return [each.positions for each in motions_of(class_name)]
 
 
 @contextmanager
@@ -198,9 +198,7 @@ def shows(page: "Page", performer: Performer, motion: NDArray[np.float64], condi
 def sees_motion(page: "Page", performer: Performer, name: str, motion: NDArray[np.float64]) -> None:
     """Show a motion after the last has ended, and see one more bar of its class."""
     until(page, f"{DOING}.textContent === ''")
-    count = (
-        f"[...kinespace.performers.get('ann').motions.values()].filter((each) => each.className === '{name}').length"
-    )
+    count = f"[...{MOTIONS}].filter((each) => each.className === '{name}').length"
     shows(page, performer, motion, f"{count} > {page.evaluate(count)}")
 
 

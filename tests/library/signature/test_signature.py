@@ -55,27 +55,21 @@ def test_few_moving_pairs_make_few_directions(builtin: MotionLibrary) -> None:
 # --- leading ----------------------------------------------------------------------------------------------------------
 
 
-SEEDS = st.integers(0, 2**32 - 1)
-
-
 @pytest.mark.parametrize("frames", [2, 10])
 def test_a_statue_has_some_unit_vector(frames: int) -> None:
     """Where nothing moves, the signature is still finite and of length 1."""
-    axis = signature_of(np.tile([0.5, 1.25, 3.0], (frames, 1)))
-    assert np.linalg.norm(axis) == pytest.approx(1.0)
+    assert np.linalg.norm(signature_of(np.tile([0.5, 1.25, 3.0], (frames, 1)))) == pytest.approx(1.0)
 
 
-@given(SEEDS)
+@given(st.integers(0, 2**32 - 1))
 def test_similarity_is_the_inner_product_without_its_sign(seed: int) -> None:
     """Scores equal products added up in a loop, for one window and for several, whatever the signs."""
     generator = np.random.default_rng(seed)
     axes, windows = generator.normal(size=(5, 9)), generator.normal(size=(9, 3))
-    together = similarity(axes, windows)
-    for column, window in zip(together.T, windows.T, strict=True):
+    for column, window in zip(similarity(axes, windows).T, windows.T, strict=True):
         assert column.tolist() == pytest.approx([naive.score(row, window) for row in axes])
-        assert np.array_equal(
-            similarity(generator.choice([-1.0, 1.0], size=(5, 1)) * axes, -window), similarity(axes, window)
-        )
+        turned = generator.choice([-1.0, 1.0], size=(5, 1)) * axes
+        assert np.array_equal(similarity(turned, -window), similarity(axes, window))
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
@@ -117,8 +111,7 @@ def test_a_body_as_the_slow_twin_walks_it(seed: int) -> None:
     landmarks = _landmarks(seed)
     expected = _twin(dict(zip(_SENT, landmarks.tolist(), strict=True)))
     for shown in (landmarks, landmarks * 320 + 7.0):
-        found = body_of(_SENT, shown)
-        np.testing.assert_allclose(found, [expected[name] for name in JOINTS], atol=1e-9)
+        np.testing.assert_allclose(body_of(_SENT, shown), [expected[name] for name in JOINTS], atol=1e-9)
 
 
 def test_joints_that_are_not_seen_are_not_invented() -> None:

@@ -75,8 +75,7 @@ def test_the_same_motion_by_two_people_has_mean_squared_distance_1(shrinkage: fl
     vectors = learned_metric(numbers, whose, shrinkage=shrinkage, kept=6).place(numbers)
     squared = np.square(vectors[:, None] - vectors).sum(axis=2)
     same = whose[:, None] == whose
-    others = same[..., 0] & ~same[..., 1]
-    nearest = np.where(others, squared, np.inf).min(axis=1)
+    nearest = np.where(same[..., 0] & ~same[..., 1], squared, np.inf).min(axis=1)
     assert np.mean([nearest[whose[:, 0] == each].mean() for each in range(4)]) == pytest.approx(1.0, rel=0.01)
 
 
@@ -141,8 +140,7 @@ def test_it_adds_how_unlikely_a_class_is() -> None:
     draw, names = np.random.default_rng(3), [*"aabbbccccc", *"abc" * 5]
     windows = draw.normal(size=(len(names), 4)) + np.array([[ord(name) - 97, 0, 0, 0] for name in names])
     head, asked = Head.learned(windows.astype(np.float32), names), draw.normal(size=4)
-    added = head.added([asked[:3], asked[3:]])
-    expected = unlikely(asked, windows, names)
+    added, expected = head.added([asked[:3], asked[3:]]), unlikely(asked, windows, names)
     assert np.allclose(added, [0.06 * expected[name] for name in "abc"], atol=1e-5)
 
 

@@ -34,8 +34,7 @@ def test_points_are_those_of_the_definition(builtin: MotionLibrary) -> None:
     for clip in clips_of(builtin, JOG, GRAB, actor="tr")[:3]:
         for joints in (None, ("root", "lclavicle", "rclavicle", "lhipjoint", "rhipjoint", "lhand", "rhand")):
             some = clip.restricted_to(joints) if joints else clip
-            corners = corners_of(some.skeleton)
-            body = some.positions[::4]
+            corners, body = corners_of(some.skeleton), some.positions[::4]
             expected = naive.own_points_of(body.astype(np.float64), tuple(corners))  # type: ignore[arg-type]
             np.testing.assert_allclose(own_path(body, some.skeleton)[0], expected, atol=1e-9)
 
@@ -62,8 +61,7 @@ def test_place_heading_speed_and_rests_do_not_matter(builtin: MotionLibrary) -> 
     rests = np.concatenate([np.repeat(clip.positions[:1], 60, axis=0), clip.positions])
     one = Pieces.of(equal_way(path_of(clip)))
     for other in (replace(clip, positions=turned), slower, replace(clip, positions=rests)):
-        cost = float(one.costs(Pieces.of(equal_way(path_of(other))))[0, 0])
-        assert cost < 0.02, other
+        assert float(one.costs(Pieces.of(equal_way(path_of(other))))[0, 0]) < 0.02, other
     assert float(one.costs(Pieces.of(equal_way(path_of(replace(clip, positions=turned)))))[0, 0]) < 1e-5
 
 
@@ -83,8 +81,7 @@ def test_who_lies_down_does_not_squat(builtin: MotionLibrary) -> None:
         lying = Pieces.of(equal_way(path_of(down)))
         turned = Pieces.of(equal_way(path_of(replace(down, positions=down.positions @ turn))))
         np.testing.assert_allclose(turned.tilts, lying.tilts, atol=1e-4)
-        alike = [lying._replace(tilts=squat.tilts) for squat in squats]
-        pairs = zip(squats, alike, strict=True)
+        pairs = zip(squats, [lying._replace(tilts=squat.tilts) for squat in squats], strict=True)
         dearer += [float(one.costs(lying)[0, 0] / one.costs(other)[0, 0]) for one, other in pairs]
     assert min(dearer) > 1.0
     assert np.median(dearer) > 2.0

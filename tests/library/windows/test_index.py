@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from synthetic import STICK, STICK_CLASSES, stick_clip, stick_clips
 from threadpoolctl import threadpool_limits
-from twins import Twin
 
-from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex, distance_rows
+from kinespace.library import Clip, MotionLibrary, Skeleton, SkeletonMismatchError, WindowIndex
 from kinespace.library.library_file import TAUGHT
 from kinespace.library.signature.parts import Part, Signature
 from kinespace.library.windows.comparer import named_and_alone
@@ -17,21 +16,6 @@ from kinespace.library.windows.cutting import cut_windows, window_ends
 from kinespace.library.windows.opening import by_joints, has_view
 from kinespace.library.windows.taught import WEIGHINGS, keeping_lessons, kept_of, teacher_of
 from kinespace.tools.cli.arguments import joints_of
-
-CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")
-
-
-@pytest.fixture(scope="module")
-def across(builtin: MotionLibrary) -> WindowIndex:
-    """Give an index that weighs each part for itself: three classes by three people."""
-    left_out = [name for name in builtin.classes if name not in CLASSES]
-    return WindowIndex.of(builtin.without(classes=left_out, actors=("bk", "tr")))
-
-
-@pytest.fixture(scope="module", params=["within", "across"])
-def index(request: pytest.FixtureRequest, small_index: WindowIndex, across: WindowIndex) -> WindowIndex:
-    """Give an index of either weighing."""
-    return small_index if request.param == "within" else across
 
 
 def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
@@ -43,16 +27,13 @@ def _numbers(index: WindowIndex, clip: Clip) -> list[Mapping[Part, np.ndarray]]:
 
 def _logs(index: WindowIndex, numbers: Mapping[Part, np.ndarray]) -> np.ndarray:
     """Compare one window with every window of an index, as at each hop."""
-    leading = np.zeros(len(index.basis.directions.T))
-    return index.distances([Signature(numbers, leading, 0.1, 0.5, 0.5)])[0].logs
+    return index.distances([Signature(numbers, np.zeros(len(index.basis.directions.T)), 0.1, 0.5, 0.5)])[0].logs
 
 
 def _guessed(index: WindowIndex, clips: Sequence[Clip]) -> list[str]:
     """Name the class that is nearest to each motion, in the mean of its windows."""
     weighing = index.comparison.weighing
-    named = [
-        [named_and_alone(_logs(index, numbers), weighing)[0] for numbers in _numbers(index, clip)] for clip in clips
-    ]
+    named = [[named_and_alone(_logs(index, one), weighing)[0] for one in _numbers(index, clip)] for clip in clips]
     return [index.classes[int(np.mean(each, axis=0).argmin())] for each in named]
 
 
@@ -61,19 +42,6 @@ def _assert_same_windows(index: WindowIndex, other: WindowIndex) -> None:
     assert index.motions.tolist() == other.motions.tolist()
     for one, another in zip((*index.vectors, index.eigenvectors), (*other.vectors, other.eigenvectors), strict=True):
         np.testing.assert_allclose(one, another, rtol=2.0**-10, atol=1e-6)
-
-
-# --- compared ----------------------------------------------------------------------------------------------------
-
-
-def test_log_distances_by_brute_force(index: WindowIndex, builtin: MotionLibrary, arithmetic: str) -> None:
-    """For each view, each group alone and each class they are the mean of the two nearest people's nearest windows."""
-    twin, another = Twin(index), {clip.class_name: clip for clip in builtin.motions if clip.actor == "bk"}
-    for clip in (another[name] for name in CLASSES[:2]):
-        rows = distance_rows(clip.positions, clip.skeleton)
-        for end, numbers in list(zip(window_ends(clip, 0.4), _numbers(index, clip), strict=True))[::2]:
-            expected = twin.log_distances(twin.numbers(clip.times[end - 1], clip.times[:end], rows[:end]))
-            assert np.allclose(_logs(index, numbers), expected, atol=2e-3), arithmetic
 
 
 # --- kinds of libraries ------------------------------------------------------------------------------------------
@@ -90,9 +58,7 @@ def test_a_motion_too_short_for_a_window_stays(people: MotionLibrary) -> None:
         WindowIndex.of(replace(people, motions=tuple(each.moved_to(each.positions[:4]) for each in people.motions)))
 
 
-def test_the_persons_who_teach_a_library(
-    builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary
-) -> None:
+def test_who_teaches_a_library(builtin: MotionLibrary, small_library: MotionLibrary, sticks: MotionLibrary) -> None:
     """Three persons who share classes teach their library; else the built-in persons do, if they have its joints."""
     assert teacher_of(small_library) is small_library
     alone = small_library.without(actors=("dg", "mm"))
@@ -141,8 +107,7 @@ def test_motions_added_are_as_if_opened_with_them(people_index: WindowIndex) -> 
     one_by_one = first.with_motions(clips[:1]).with_motions(clips[1:])
     _assert_same_windows(one_by_one, index)
     assert one_by_one.base is first
-    closer = first.with_motions(clips[:1]).with_motions(clips[1:], every=0.1)
-    assert len(closer) > len(index)
+    assert len(first.with_motions(clips[:1]).with_motions(clips[1:], every=0.1)) > len(index)
     for learned in ("comparison", "basis", "rejection"):
         assert getattr(index, learned) is getattr(first, learned)
 
@@ -181,8 +146,7 @@ def test_views_by_fewer_joints(people: MotionLibrary) -> None:
     added = index.with_motions([clip])
     _assert_same_windows(by_joints(added, joints), view.with_motions([clip.restricted_to(joints)]))
     assert by_joints(added, joints).basis is view.basis
-    some = index.of_some([1, 2, 20])
-    _assert_same_windows(by_joints(some, joints), view.of_some([1, 2, 20]))
+    _assert_same_windows(by_joints(index.of_some([1, 2, 20]), joints), view.of_some([1, 2, 20]))
     with pytest.raises(SkeletonMismatchError, match="expected at least 5"):
         by_joints(index, joints[:4])
 
@@ -287,8 +251,7 @@ def test_other_motions_teach_anew(keeping: MotionLibrary) -> None:
     assert kept_of(replace(keeping, learned={}), across) is None
     # Numbers that hold for other motions too stay; the file of a derived library is not made larger for nothing.
     numbers = {**keeping.learned, "offset": np.ones(1, dtype=np.float32)}
-    derived = replace(keeping, learned=numbers).without(motions=[one])
-    assert list(derived.learned) == ["offset"]
+    assert list(replace(keeping, learned=numbers).without(motions=[one]).learned) == ["offset"]
 
 
 DIRECTIONS, AXES = (rf"\(15, at most {most}\) numbers, got \(" for most in (32, 128))
@@ -307,9 +270,7 @@ DIRECTIONS, AXES = (rf"\(15, at most {most}\) numbers, got \(" for most in (32, 
         ("across posture 0.25 s origin", np.ones((1, 15)), r"\(15,\) numbers, got \(1, 15\)"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(
-    keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str
-) -> None:
+def test_arrays_that_do_not_fit(keeping: MotionLibrary, name: str, array: np.ndarray | None, said: str) -> None:
     """An array of another shape raises ValueError with its name, the expectation and the value found."""
     arrays = {each: kept for each, kept in keeping.learned.items() if each != f"{TAUGHT}{name}"}
     if array is not None:

@@ -37,8 +37,7 @@ def _shares_known(index: WindowIndex, *, with_class: bool) -> list[float]:
     for window, motion in enumerate(motions):
         own = (() if with_class else (motion.class_name,), motion.actor)
         left_out = [other.actor == own[1] or other.class_name in own[0] for other in motions]
-        logs = index.asked_by(window, np.array(left_out))
-        named, alone = named_and_alone(logs, weighing)
+        named, alone = named_and_alone(index.asked_by(window, np.array(left_out)), weighing)
         guess = int(named.argmin())
         logits.append(rejection.logit(Evidence.of(alone, guess), index.classes[guess]))
     return [float(np.mean(np.array(logits) >= rejection.threshold_at(rate))) for rate in (0.05, 0.2, 0.4)]
@@ -152,8 +151,7 @@ def test_a_library_with_learned_numbers_uses_them(builtin_index: WindowIndex) ->
     assert np.array_equal(rejection.weights, kept.weights)
     # Opened alone: what is derived from the built-in library is opened by its whole.
     some, most = WindowIndex.of(builtin_index.of_some(range(0, 288, 9)).library), judging.most_of_few(learned)
-    few = Rejection.of_kept(learned, 5, few=True)
-    for joints, expected in ((most + 1, kept), (most, few)):
+    for joints, expected in ((most + 1, kept), (most, Rejection.of_kept(learned, 5, few=True))):
         view = by_joints(some, builtin_index.library.skeleton.joints[-joints:])
         assert np.array_equal(view.rejection.thresholds, expected.thresholds)
         assert not np.array_equal(view.rejection.typical, expected.typical)

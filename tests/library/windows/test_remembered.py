@@ -105,9 +105,7 @@ def test_other_peoples_motions_are_not_kept(folder: Path) -> None:
     assert not folder.exists()
 
 
-def test_another_library_in_the_builtin_ones_place_has_a_file_of_its_own(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_library_in_its_place_has_a_file_of_its_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The key names the motions: what a test or a fork puts there is never taken for the real windows."""
     real, builtin = len(_opened()), MotionLibrary.builtin()
     other = MotionLibrary(builtin.skeleton, builtin.motions[:12])

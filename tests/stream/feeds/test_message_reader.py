@@ -12,7 +12,7 @@ from golden import bundle, message
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream.feeds import Mapper, PresetError, builtin_names, builtin_preset, load_preset
 from kinespace.stream.feeds.frame_assembler import FORGET_AFTER
-from kinespace.stream.feeds.message_reader import MessageError, Reading
+from kinespace.stream.feeds.message_reader import MessageError
 from kinespace.stream.feeds.preset import Closing, parse_preset
 from kinespace.stream.feeds.unpackers import ChannelUnpacker, unpack_rokoko, unpack_xsens
 from kinespace.stream.frame import Announcement, Frame
@@ -69,16 +69,11 @@ def test_a_mistake_is_one_line(old: str, new: str) -> None:
     assert ", got " in told
 
 
-def read(target: Mapper, packet: bytes) -> Reading:
-    """Read one message that is understood."""
-    (decoded,) = decode_packet(packet)
-    return target.read(decoded)
-
-
 def test_more_joints_than_names_are_refused() -> None:
     """A whole frame with more joints than the order has, or a broken group, is a wrong message; fewer are taken."""
     target = Mapper(builtin_preset("nimate-omni"))
-    assert len(read(target, message("/skeleton", "f" * 42, *[1.0] * 42)).sightings) == 14
+    (decoded,) = decode_packet(message("/skeleton", "f" * 42, *[1.0] * 42))
+    assert len(target.read(decoded).sightings) == 14
     for count in (48, 44, 0):
         with pytest.raises(MessageError):
             target.read(Message("/skeleton", [1.0] * count))
@@ -227,9 +222,7 @@ def test_hosts_are_numbered() -> None:
 def test_two_programs_of_one_host_are_told_apart() -> None:
     """Two that keep to their ports and send the same have two numbers; one that changes ports, or splits, has one."""
     numbers, times = SenderNumbers(), [step / 30 for step in range(60)]
-    both = [
-        (numbers.number("a", time, 5000, "/p1/head"), numbers.number("a", time, 5001, "/p1/head")) for time in times
-    ]
+    both = [(numbers.number("a", at, 5000, "/p1/head"), numbers.number("a", at, 5001, "/p1/head")) for at in times]
     assert both[0] == (1, 1)
     assert set(both[STEADY:]) == {(1, 2)}
     numbers = SenderNumbers()

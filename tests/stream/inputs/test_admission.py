@@ -19,12 +19,11 @@ from kinespace.stream.inputs import Admission
 from kinespace.stream.inputs.clock import SenderClock
 
 ANN, EVE = ("10.0.0.5", 4000), ("10.0.0.7", 4000)
-POSITIONS = np.zeros((3, 3))
 
 
 def frame(time: float, performer: str = "ann") -> Frame:
     """Make a frame."""
-    return Frame(performer, time, POSITIONS)
+    return Frame(performer, time, np.zeros((3, 3)))
 
 
 def said(admitted: Iterable[object]) -> list[object]:
@@ -102,8 +101,7 @@ def test_an_announcement_waits_for_frames_no_longer_than_a_silence() -> None:
 @pytest.mark.parametrize("odd", [1e18, -1e18, 100.0, 1e-3])
 def test_one_odd_time_restarts_nothing(odd: float) -> None:
     """A frame whose time jumps is admitted only with a second frame that agrees with it."""
-    admission = Admission()
-    times = []
+    admission, times = Admission(), []
     for step in range(200):
         told = odd if step % 10 == 5 else 50 + step / 10
         times += [each.time for each in admission.admit([frame(told)], step / 10, ANN)]
@@ -113,8 +111,7 @@ def test_one_odd_time_restarts_nothing(odd: float) -> None:
 
 def test_a_clock_that_is_set_is_followed() -> None:
     """Frames after a jump are all let in, the first of them with the second; a pause and a stop are no jumps."""
-    admission = Admission()
-    times = [1.0, 1.1, 900.0, 900.1, 900.2, 3.0, 3.1]
+    admission, times = Admission(), [1.0, 1.1, 900.0, 900.1, 900.2, 3.0, 3.1]
     assert admission.admit([frame(1.0)], 0.0, EVE)
     assert admission.admit([frame(6.0)], 0.0, EVE)
     assert admission.admit([frame(11.1)], 0.0, EVE) == []
@@ -239,8 +236,7 @@ def arrivals_of(moments: NDArray[np.float64], way: str) -> NDArray[np.float64]:
 
 def read(times: NDArray[np.float64], arrivals: NDArray[np.float64]) -> tuple[NDArray[np.float64], SenderClock]:
     """Read times; 0 is replaced by the arrival, as the decoders do."""
-    clock = SenderClock()
-    told = np.where(times == 0, arrivals, times)
+    clock, told = SenderClock(), np.where(times == 0, arrivals, times)
     return np.array(list(map(clock.read, told.tolist(), arrivals.tolist()))), clock
 
 
@@ -273,7 +269,6 @@ def test_a_verdict_changes_when_it_is_given_twice() -> None:
     stuck = moments + BOOT
     stuck[120:180] = stuck[120]
     assert read(stuck, moments)[1].verdict.note == ""
-    other = np.where(moments < 5, moments + BOOT, 1e3 * moments)
-    seconds, clock = read(other, moments)
+    seconds, clock = read(np.where(moments < 5, moments + BOOT, 1e3 * moments), moments)
     assert clock.verdict.note.startswith("times are milliseconds")
     assert np.allclose(seconds[-200:], moments[-200:])

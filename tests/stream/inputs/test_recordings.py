@@ -57,8 +57,7 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
 def test_a_file_is_read_to_its_last_whole_record(tmp_path: Path) -> None:
     """Cut off or changed at any byte, a file gives the records before it, and the byte and length of the rest."""
     path = write(tmp_path / "a.kinerec")
-    whole = path.read_bytes()
-    ends = [len(kinerec.encode_header(RawFile(path).header))]
+    whole, ends = path.read_bytes(), [len(kinerec.encode_header(RawFile(path).header))]
     for packet in PACKETS:
         ends.append(ends[-1] + len(kinerec.encode_packet(packet)))
     assert ends[-1] == len(whole)

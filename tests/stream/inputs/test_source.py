@@ -1,8 +1,7 @@
 """Senders that take more than their share are served last: others' packets are never kept waiting behind theirs."""
 
 import socket
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from ipaddress import ip_network
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,13 +25,6 @@ from kinespace.stream.teaching import Asked, commands
 ANN, EVE = ("10.0.0.1", 4000), ("10.0.0.2", 4000)
 
 
-def greedy(turns: Turns, now: float) -> None:
-    """Let Eve take a second, of which no more is held against her than takes half a second to pay off."""
-    turns.comes_last(ANN, now)
-    turns.comes_last(EVE, now)
-    turns.charge(EVE, 1.0, 0, now)
-
-
 def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
     """A sender within its share never comes last. A sender that took too much does, and not for long after it stops."""
     turns = Turns()
@@ -41,7 +33,10 @@ def test_a_greedy_sender_comes_last_until_its_debt_is_paid() -> None:
         assert not turns.comes_last(ANN, now)
         assert not turns.comes_last(EVE, now)
         turns.charge(ANN, 0.9 * SHARE / 100, 0, now)
-    greedy(turns, 10.0)
+    # Eve takes a second, of which no more is held against her than takes half a second to pay off.
+    assert not turns.comes_last(ANN, 10.0)
+    assert not turns.comes_last(EVE, 10.0)
+    turns.charge(EVE, 1.0, 0, 10.0)
     assert turns.comes_last(EVE, 10.0)
     assert not turns.comes_last(ANN, 10.1)
     assert turns.last(10.1) == [EVE]
@@ -102,15 +97,11 @@ def test_who_invents_joints_comes_last() -> None:
     receiver = FakeReceiver()
     source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
     frame = osc.encode_frame(Frame("ann", 1.0, np.ones((5, 3))))
-    for moment, ending, order in (
-        (1.0, "a", "eve ann ann eve"),
-        (3.0, "a", "eve ann eve ann"),
-        (5.0, "b", "eve ann ann eve"),
-    ):
-        named = osc.encode_announcement(Announcement("eve", tuple(f"{n}{ending}" for n in range(250))))
+    for now, end, who in ((1.0, "a", "eve ann ann eve"), (3.0, "a", "eve ann eve ann"), (5.0, "b", "eve ann ann eve")):
+        named = osc.encode_announcement(Announcement("eve", tuple(f"{n}{end}" for n in range(250))))
         receiver.packets.extend([(named, EVE), (frame, ANN)] * 2)
-        assert [event.performer for _ in range(4) for event in source.take(moment) or ()] == order.split()
-        assert source.take(moment) is None
+        assert [event.performer for _ in range(4) for event in source.take(now) or ()] == who.split()
+        assert source.take(now) is None
     # Nor do many skeletons by turns: the names are remembered for a few of them alone.
     for number in range(120):
         named = osc.encode_announcement(Announcement("eve", tuple(f"{n} {number % 40}" for n in range(250))))
@@ -151,21 +142,14 @@ def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     assert (source.counts.stale, source.counts.received) == (8, 42)
 
 
-@contextmanager
-def asked_source() -> Iterator[tuple[FeedSource, socket.socket]]:
-    """Open a source that asks, and the socket of the one that is asked."""
+def test_the_source_asks_from_its_own_port() -> None:
+    """When tended, the source asks from the port that it listens on; it stops while frames come, and says goodbye."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.bind((LOOPBACK, 0))
         sender.settimeout(5.0)
-        port = sender.getsockname()[1]
-        text = Path(__file__).with_name("asks.toml").read_text(encoding="utf-8").replace("port = 9", f"port = {port}")
+        text = Path(__file__).with_name("asks.toml").read_text(encoding="utf-8")
+        text = text.replace("port = 9", f"port = {sender.getsockname()[1]}")
         source = FeedSource(OscReceiver(LOOPBACK, 0), parse_preset(text, "asks", "asks.toml"))
-        yield source, sender
-
-
-def test_the_source_asks_from_its_own_port() -> None:
-    """When tended, the source asks from the port that it listens on; it stops while frames come, and says goodbye."""
-    with asked_source() as (source, sender):
         port = source.receiver.address[1]
         assert source.tend(0.0) == []
         packet, came_from = sender.recvfrom(1000)

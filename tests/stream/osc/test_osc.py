@@ -9,8 +9,8 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from fakes import NAMED
-from pythonosc.osc_packet import OscPacket
+from fakes import NAMED, params_of
+from programs import LOOPBACK
 
 from kinespace.stream import Event, EventKind, osc
 from kinespace.stream.osc import decode_packet, udp
@@ -48,21 +48,13 @@ def test_types_that_pythonosc_does_not_write(packet: bytes, expected: tuple[str,
 # --- osc --------------------------------------------------------------------------------------------------------------
 
 
-LOOPBACK = "127.0.0.1"
-
-
-def _params(packet: bytes) -> dict[str, list[object]]:
-    """Read a packet with python-osc: arguments by address."""
-    return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
-
-
 # --- answers -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("time", [1e300, -1e300])
 def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
     """A clock that makes no sense ends no answer."""
-    (params,) = _params(osc_answers.encode_event(Event("p", EventKind.END, "bow", 0, 0.5, time))).values()
+    (params,) = params_of(osc_answers.encode_event(Event("p", EventKind.END, "bow", 0, 0.5, time))).values()
     assert params[-1] == pytest.approx(np.copysign(3.4028235e38, time))
 
 
@@ -76,7 +68,7 @@ def test_a_time_beyond_all_floats_is_the_largest(time: float) -> None:
 def test_performers_stand_in_addresses(performer: str, part: str) -> None:
     """Letters of any script stay; what OSC reserves is written as in a URL, so that no two names are one."""
     assert osc.address_part(performer) == part
-    addresses = _params(osc.messages.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
+    addresses = params_of(osc.messages.encode_recognition(dataclasses.replace(NAMED, performer=performer)))
     assert set(addresses) == {f"/motion/{part}/{last}" for last in ("class", "guess", "sofar", "label", "scores")}
 
 
@@ -86,28 +78,19 @@ def test_the_status_is_sent() -> None:
     counts.recognizers.out_of_order = 30
     inputs = InputCounts(received=9999, malformed=1, foreign=500, overrun=2, missing=3)
     status = Status(inputs, counts, 7, {"a": 119.5, "b": 30.0}, 0.1, 0.2)
-    assert _params(osc_answers.encode_status(status)) == {"/motion/status": [1, 149.5, 2, 66]}
+    assert params_of(osc_answers.encode_status(status)) == {"/motion/status": [1, 149.5, 2, 66]}
     inputs.missing = 10**15
-    assert _params(osc_answers.encode_status(status))["/motion/status"][-1] == 2**31 - 1
+    assert params_of(osc_answers.encode_status(status))["/motion/status"][-1] == 2**31 - 1
 
 
 # --- the sockets -------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def receiver() -> Iterator[osc.OscReceiver]:
-    """Open a receiver on a free port."""
-    receiver = osc.OscReceiver(LOOPBACK, 0)
-    yield receiver
-    receiver.close()
-
-
-@pytest.fixture
 def sender(receiver: osc.OscReceiver) -> Iterator[osc.OscSender]:
     """Open a sender to the receiver."""
-    sender = osc.OscSender(*receiver.address)
-    yield sender
-    sender.close()
+    with closing(osc.OscSender(*receiver.address)) as sender:
+        yield sender
 
 
 def _receive(receiver: osc.OscReceiver) -> bytes | None:
@@ -179,8 +162,7 @@ def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(udp, "_resolved", answer)
     pauses: list[float] = []
     monkeypatch.setattr(udp.time, "sleep", pauses.append)
-    others = {*threading.enumerate()}
-    found = LookedUp("stage.local", 9)
+    others, found = {*threading.enumerate()}, LookedUp("stage.local", 9)
     for thread in {*threading.enumerate()} - others:
         thread.join()
     assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import socket
+import tomllib
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
@@ -13,7 +14,8 @@ from typing import Any
 import mido
 import numpy as np
 import pytest
-from programs import ROOT
+from fakes import params_of as read
+from programs import LOOPBACK, ROOT
 from pythonosc.osc_packet import OscPacket
 from synthetic import STICK, stick_clip
 
@@ -29,7 +31,6 @@ from kinespace.stream.recognizer.carried import Carried
 from kinespace.stream.status import InputCounts, PerformerCounts, Status
 from kinespace.stream.teaching import State, Step
 
-LOOPBACK = "127.0.0.1"
 CLASSES = ("bow", "jump", "wave")
 START = Event("Ada L", EventKind.START, "jump", 1, 0.75, 4.0)
 DONE = Done("Ada L", "jump", 1, 6.0, 1.5, 0.875, 1.25, 0.75, 3)
@@ -45,11 +46,6 @@ def recognition(
     scores[best] = 0.75
     names = CLASSES if classes == 3 else tuple(f"c{index:04d}" for index in range(classes))
     return Recognition(performer, 4.0, outcome, names, scores, movement=0.2)
-
-
-def read(packet: bytes | None) -> dict[str, list[object]]:
-    """Read a packet with python-osc: arguments by address."""
-    return {timed.message.address: timed.message.params for timed in OscPacket(packet).messages}
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -149,8 +145,7 @@ def test_at_most_256_performers_are_remembered() -> None:
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_a_class_is_none_where_the_label_is_unknown(name: str) -> None:
     """In every layout an unknown motion, and a performer who left, have no class."""
-    layout = LAYOUTS[name]()
-    none = {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
+    layout, none = LAYOUTS[name](), {"wekinator": [0.0], "vrchat": [0]}.get(name, [-1])
     told = [read(layout.recognition(recognition(outcome))) for outcome in (Outcome.UNKNOWN, Outcome.NAMED)]
     told.append(read(layout.gone(LEFT)))
     said, ends = [[*each.items()] for each in told], ("/class", "/Motion", "/outputs")
@@ -275,22 +270,12 @@ def test_titles_are_sent_and_a_title_in_place_of_a_class_is_said(tmp_path: Path)
     assert layout.notes == []
 
 
-@pytest.mark.parametrize(
-    ("written", "said"),
-    [
-        ("", "message: expected a value, got nothing"),
-        ('[[message]]\nwhen = "begin"\naddress = "/a"', "message 1, when: expected one of"),
-        ('[[message]]\nwhen = "gone"\naddress = "/{class}"', "{class}: expected one of performer when gone"),
-        ('[[message]]\nwhen = "start"\naddress = "/{class.__init__}"', "{class.__init__}: expected one of performer"),
-        ('[[message]]\nwhen = "start"\naddress = "/a"\narguments = ["{score"]', "expected names in braces"),
-        *(
-            (f'[[message]]\nwhen = "start"\naddress = "/a"\narguments = ["{{{each}}}"]', "expected a format like :.2f")
-            for each in ("score:>2000000000", "index:c", "score:.999999999f", "title:{performer.__class__}", "title!r")
-        ),
-        ('[[message]]\nwhen = "start"\naddress = "/a"\nargument = [1]', "perhaps 'arguments' is meant"),
-    ],
-)
-def test_a_mistake_is_said_before_anything_is_sent(tmp_path: Path, written: str, said: str) -> None:
+#: Layouts that are refused, each with a part of the line that says why.
+MISTAKES = tomllib.loads(Path(__file__).with_name("mistakes.toml").read_text(encoding="utf-8"))["mistake"]
+
+
+@pytest.mark.parametrize(("said", "written"), [each.values() for each in MISTAKES])
+def test_a_mistake_is_said_before_anything_is_sent(tmp_path: Path, said: str, written: str) -> None:
     """The line names the file, the place, the expectation and what stands there."""
     with pytest.raises(LayoutFileError) as refused:
         _layout(tmp_path, written)

@@ -107,14 +107,12 @@ def test_mistakes_are_said() -> None:
         classifier.set_params(speed=2)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("hop", 0), ("hop", -1), ("frame_rate", "x"), ("timing", -5.0), ("timing", None)]
-)
-def test_parameters_that_mean_nothing_are_refused(builtin: MotionLibrary, name: str, value: object) -> None:
+@pytest.mark.parametrize(("key", "n"), [("hop", 0), ("hop", -1), ("frame_rate", "x"), ("timing", -5), ("timing", None)])
+def test_parameters_that_mean_nothing_are_refused(builtin: MotionLibrary, key: str, n: object) -> None:
     """As scikit-learn has it, when something is learned: the error names the parameter, and what was expected."""
     motions = builtin.motions[:2]
-    with pytest.raises(ValueError, match=f"{name}: expected a number from "):
-        MotionClassifier().set_params(**{name: value}).fit(motions, ["a", "b"])
+    with pytest.raises(ValueError, match=f"{key}: expected a number from "):
+        MotionClassifier().set_params(**{key: n}).fit(motions, ["a", "b"])
     with pytest.raises(ValueError, match="X: expected a list of clips"):
         MotionClassifier().fit(motions[0], ["a"])
     assert MotionClassifier(frame_rate=np.int64(60), hop=np.float32(0.1)).fit(motions, ["a", "b"]).library_

@@ -5,20 +5,21 @@ import tracemalloc
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import groupby, islice
 from operator import itemgetter
 
 import naive_courses as naive
 import numpy as np
 import pytest
-from naive_courses import Pace, beginning_of, gone_on, median, weighed
+from fakes import pushed, shown
+from naive_courses import Pace, beginning_of, gone_on, median_of, weighed
 from numpy.typing import NDArray
+from programs import motions_of, two_of_each
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, distance_rows, opened
 from kinespace.library.phases import VELOCITY, PhaseTable
 from kinespace.library.signature.own_frame import STEP, own_path
 from kinespace.library.windows.courses import Courses, path_of
-from kinespace.stream import Done, Frame, Recognizer, Settings
+from kinespace.stream import Done, Recognizer, Settings
 from kinespace.stream.recognizer import decision
 from kinespace.stream.recognizer.decision import Judged
 from kinespace.stream.recognizer.done import DoneFollower, costs_of
@@ -35,11 +36,6 @@ def index() -> WindowIndex:
     return opened(replace(builtin, motions=tuple(some)))
 
 
-def clips_of(class_name: str, actor: str = "bd") -> list[Clip]:
-    """Choose motions."""
-    return [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, actor)]
-
-
 def joined(clips: Sequence[Clip]) -> list[np.ndarray]:
     """Put motions one behind the other on one spot, with half a second between two in which the body changes over."""
     pieces = [clips[0].positions]
@@ -51,18 +47,21 @@ def joined(clips: Sequence[Clip]) -> list[np.ndarray]:
     return pieces
 
 
-def said(index: WindowIndex, clips: Sequence[np.ndarray], rate: float = 60.0, **settings: float) -> list[Done]:
+def done_by(recognizer: Recognizer, clips: Sequence[np.ndarray], begin: float = 0.0) -> list[Done]:
     """Push pieces of positions, one behind the other and a second of stillness behind them; give what was done."""
-    positions = np.concatenate([*clips, np.repeat(clips[-1][-1:], round(rate), axis=0)])
-    recognizer = Recognizer(index, Settings(**settings))
-    answers = (recognizer.push(Frame("p", place / rate, each)) for place, each in enumerate(positions))
-    return [answer.done for answer in answers if answer and answer.done]
+    positions = np.concatenate([*clips, np.repeat(clips[-1][-1:], 60, axis=0)])
+    return [answer.done for answer in pushed(recognizer, shown(positions, 60.0, begin=begin)) if answer.done]
+
+
+def said(index: WindowIndex, clips: Sequence[np.ndarray], **settings: float) -> list[Done]:
+    """Give what was done of pieces of positions."""
+    return done_by(Recognizer(index, Settings(**settings)), clips)
 
 
 @pytest.mark.slow
 def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
     """Four squats one behind the other are four motions, each about where it was and as long as it was."""
-    clips = clips_of(SQUAT)[2:6]
+    clips = motions_of(SQUAT)[2:6]
     ends = np.cumsum([clip.frames for clip in clips]) / 60 + 0.5 * np.arange(4)
     done = said(index, joined(clips), false_alarms=60.0)
     assert [each.label for each in done] == [SQUAT] * 4
@@ -78,7 +77,7 @@ def test_each_squat_is_done_once_when_it_ends(index: WindowIndex) -> None:
 @pytest.mark.parametrize("name", [SQUAT, ARMS])
 def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) -> None:
     """Of the first halves of motions none is done, of whole ones most are."""
-    clips = clips_of(name)[::2]
+    clips = motions_of(name)[::2]
     whole = [bool(said(index, [clip.positions], false_alarms=60.0)) for clip in clips]
     half = [bool(said(index, [clip.positions[: clip.frames // 2]])) for clip in clips]
     assert sum(whole) > len(clips) / 2
@@ -88,8 +87,8 @@ def test_a_motion_that_is_broken_off_is_not_done(index: WindowIndex, name: str) 
 @pytest.mark.parametrize("taught_by", ["one", "several"])
 def test_limits_of_one_persons_motions_fall_with_time(index: WindowIndex, taught_by: str) -> None:
     """A window that lasts longer or shorter than a motion must cost less, unless several persons taught the limit."""
-    one = Courses.of([clip for name in (SQUAT, ARMS) for clip in clips_of(name)[:2]])
-    courses, clip = index.courses if taught_by == "several" else one, clips_of(SQUAT)[3]
+    one = Courses.of([clip for name in (SQUAT, ARMS) for clip in motions_of(name)[:2]])
+    courses, clip = index.courses if taught_by == "several" else one, motions_of(SQUAT)[3]
     follower, looks = DoneFollower(courses, clip.skeleton, 6.0), 0
     for time, frame in zip(clip.times, clip.positions, strict=True):
         if (asked := follower.push([float(time)], frame[None])) is None:
@@ -99,23 +98,18 @@ def test_limits_of_one_persons_motions_fall_with_time(index: WindowIndex, taught
                 falls = math.exp(-0.2 * math.log(count / 30 / seconds) ** 2) if taught_by == "one" else 1.0
                 assert limits[motion] == pytest.approx(courses.limits[0, motion] * falls, rel=1e-5)
             looks += 1
-        np.testing.assert_allclose(
-            asked.limits[:, len(courses.seconds) :], np.tile(courses.limits[1], (len(asked.counts), 1))
-        )
+        assert np.allclose(asked.limits[:, len(courses.seconds) :], courses.limits[1], rtol=1e-7)
     assert looks > 10
 
 
 def test_an_example_of_nothing_is_not_done(index: WindowIndex) -> None:
     """A squat that is nearer to an example of nothing than to other squats is not said."""
-    clip = clips_of(SQUAT)[3]
+    clip = motions_of(SQUAT)[3]
     assert [each.label for each in said(index, [clip.positions])] == [SQUAT]
-    taught = index.with_motions([replace(clip, class_name=NOTHING)])
-    assert not said(taught, [clip.positions])
+    assert not said(index.with_motions([replace(clip, class_name=NOTHING)]), [clip.positions])
 
 
-def grown_by_definition(
-    known: Sequence[tuple[float, str, float]], time: float, class_name: str, *, several: bool
-) -> float:
+def growth_of(known: Sequence[tuple[float, str, float]], time: float, class_name: str, *, several: bool) -> float:
     """Say how much wider the limits of a class of several persons are by its best evidence of the last 1.5 seconds."""
     recent = [(name, evidence) for at, name, evidence in known if at >= time - 1.5]
     if not recent:
@@ -130,7 +124,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
     """Give the class that the windows which end with a step show most surely, its cost, and that without evidence."""
     courses, best = index.courses, (1.0, "", 1.0)
     shown = zip(courses.classes, courses.persons, strict=True)
-    grown = {name: grown_by_definition(known, step * STEP, name, several=count > 1) for name, count in shown}
+    grown = {name: growth_of(known, step * STEP, name, several=count > 1) for name, count in shown}
     pieces, limits = (courses.whole, courses.limits[0]) if whole else (courses.begun, courses.limits[1])
     for count in courses.counts:
         begin = step - count
@@ -166,7 +160,7 @@ def seen_by_definition(  # noqa: PLR0913 - what a look depends on
 def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None:
     """The same motions at the same looks, on real motions one behind the other."""
     few = index.of_some(range(0, len(index.library.motions), 4))
-    clips = [clip for name in (SQUAT, DOWN, ARMS) for clip in clips_of(name)[1:3]]
+    clips = [clip for name in (SQUAT, DOWN, ARMS) for clip in motions_of(name)[1:3]]
     positions = np.concatenate([each[::2] for each in joined(clips)])
     clip = replace(clips[0], positions=positions, frame_rate=30.0)
     points, follower = path_of(clip), DoneFollower(few.courses, clip.skeleton, 6.0)
@@ -224,41 +218,34 @@ def test_a_gap_and_another_library(index: WindowIndex, hop: float) -> None:
 
     After a reset another performer may follow. Nothing is said of a class that was taken away.
     """
-    clip = clips_of(SQUAT)[3]
+    clip = motions_of(SQUAT)[3]
     recognizer = Recognizer(index, Settings(false_alarms=60.0, hop=hop))
 
-    def pushed(since: float, stands: int = 60) -> list[str]:
-        still = np.repeat(clip.positions[-1:], stands, axis=0)
-        answers = [
-            recognizer.push(Frame("p", since + place / 60, each))
-            for place, each in enumerate(np.concatenate([clip.positions, still]))
-        ]
-        return [answer.done.label for answer in answers if answer and answer.done]
+    def found(begin: float) -> list[str]:
+        return [each.label for each in done_by(recognizer, [clip.positions], begin)]
 
-    assert pushed(0.0) == [SQUAT]
-    assert pushed(100.0) == [SQUAT]
-    assert pushed(20.0) == [SQUAT]
+    assert [found(begin) for begin in (0.0, 100.0, 20.0)] == [[SQUAT]] * 3
     recognizer.reset()
-    assert pushed(150.0) == [SQUAT]
+    assert found(150.0) == [SQUAT]
     recognizer.exchange(index.library.without(classes=[ARMS]))
-    assert pushed(200.0) == [SQUAT]
+    assert found(200.0) == [SQUAT]
     recognizer.exchange(index.library.without(classes=[SQUAT]))
-    assert pushed(300.0) == []
+    assert found(300.0) == []
 
 
 @pytest.mark.parametrize("ends", ["exchange", "reset"])
 def test_what_no_answer_has_said_goes_with_its_library_and_its_performer(index: WindowIndex, ends: str) -> None:
     """A motion that was seen between two slow hops is not said of a class that is gone, or of the next performer."""
-    recognizer, positions = Recognizer(index, Settings(false_alarms=60.0, hop=8.0)), clips_of(SQUAT)[3].positions
+    recognizer, positions = Recognizer(index, Settings(false_alarms=60.0, hop=8.0)), motions_of(SQUAT)[3].positions
     body = np.concatenate([positions, np.repeat(positions[-1:], 600, axis=0)])
-    frames = [Frame("p", place / 60, each) for place, each in enumerate(body)]
-    before = [answer for frame in frames[: len(positions) + 60] if (answer := recognizer.push(frame))]
+    frames = shown(body, 60.0)
+    before = pushed(recognizer, frames[: len(positions) + 60])
     assert not any(answer.done for answer in before)
     if ends == "exchange":
         recognizer.exchange(index.library.without(classes=[SQUAT]))
     else:
         recognizer.reset()
-    after = [answer for frame in frames[len(positions) + 60 :] if (answer := recognizer.push(frame))]
+    after = pushed(recognizer, frames[len(positions) + 60 :])
     assert after
     assert not any(answer.done for answer in after)
 
@@ -279,11 +266,10 @@ def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
 
     monkeypatch.setattr(decision, "averaged", averaging)
     monkeypatch.setattr(DoneFollower, "know", know)
-    squat, grab = (clips_of(name)[0] for name in (SQUAT, "grabHighR"))
+    squat, grab = (motions_of(name)[0] for name in (SQUAT, "grabHighR"))
     index = opened(builtin).with_motions([replace(squat, class_name="mine", actor="")])
     recognizer = Recognizer(index)
-    for number, positions in enumerate([*squat.positions[::4], *grab.positions[::4]]):
-        recognizer.push(Frame("me", number / 30, positions))
+    pushed(recognizer, shown([*squat.positions[::4], *grab.positions[::4]], 30.0))
     one, _, five, *_ = index.rejection.thresholds.round(3).tolist()
     assert found.pop("mine") == {five}
     assert set().union(*found.values()) == {one}
@@ -296,8 +282,7 @@ def test_evidence_for_few_peoples_classes_beside_others_counts_sooner(
 def opened_few() -> WindowIndex:
     """Open two motions of each of three classes by each actor, compared as the whole library's are."""
     builtin = MotionLibrary.builtin()
-    by_both = groupby(builtin.motions, key=lambda clip: (clip.class_name, clip.actor))
-    some = tuple(each for (name, _), own in by_both for each in islice(own, 2) if name in {SQUAT, ARMS, DOWN})
+    some = two_of_each((SQUAT, ARMS, DOWN), builtin.actors)
     return WindowIndex.of(replace(builtin, motions=some))
 
 
@@ -315,11 +300,6 @@ def points_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows @ index.basis.directions / index.body.size(rows)[:, None]
 
 
-def clip_of(class_name: str, actor: str, nth: int = 0) -> Clip:
-    """Choose a motion of the library."""
-    return [clip for clip in opened_few().library.motions if (clip.class_name, clip.actor) == (class_name, actor)][nth]
-
-
 @pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("class_name", [SQUAT, ARMS])
 def test_every_step_equals_the_textbooks(class_name: str) -> None:
@@ -331,13 +311,13 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
     past, pace, count = list["NDArray[np.float64]"](), Pace(float(few.speeds.mean())), few.speeds.shape[1]
     beginning = beginning_of(count)
     belief = [[each / 4 for each in beginning]] * 4
-    for index, point in enumerate(points_of(clip_of(class_name, "bk").positions[::2])[:60]):
+    for index, point in enumerate(points_of(motions_of(class_name, "bk")[0].positions[::2])[:60]):
         past.append(point)
         belief = gone_on(belief, beginning, cyclic=few.cyclic)
         live = np.concatenate([point, VELOCITY * (point - past[max(0, len(past) - 5)])])
         belief = weighed(belief, few.vectors, live @ table.whitening, 1 / 16)
         told = follower.push(index * STEP, point, class_name)
-        assert told.phase == pytest.approx(median(belief), abs=1e-3)
+        assert told.phase == pytest.approx(median_of(belief), abs=1e-3)
         at = np.sum(belief, axis=0)
         near = sum(each for moment, each in enumerate(at) if abs(moment / (count - 1) - told.phase) <= 0.1)
         assert told.sure == pytest.approx(near, abs=1e-3)
@@ -348,7 +328,7 @@ def test_every_step_equals_the_textbooks(class_name: str) -> None:
 
 def test_between_two_hops_a_body_moves_in_a_straight_line() -> None:
     """Seen at every second or third step, the progress is as if the points between had been seen, too."""
-    points = points_of(clip_of(ARMS, "bk").positions[:160:5])
+    points = points_of(motions_of(ARMS, "bk")[0].positions[:160:5])
     for apart in (2, 3):
         seldom, often = (ProgressFollower(table_without("bk")) for _ in range(2))
         for place, point in enumerate(points):

@@ -12,7 +12,7 @@ from synthetic import STICK
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, by_joints, opened
 from kinespace.library.signature.landmark_body import JOINTS, body_of
 from kinespace.library.windows.segments import FLAT
-from kinespace.stream import Announcement, Frame, Outcome, Performers, Recognition, Recognizer, Settings
+from kinespace.stream import Announcement, Outcome, Performers, Recognition, Recognizer, Settings
 from kinespace.stream.recognizer.carried import MAX_PAIRS, carried_by
 from kinespace.stream.recognizer.fitting import NOTES, kind_of, kinds_of
 from kinespace.stream.recognizer.joints import BELIEVED_AFTER, HELD, SAME_PLACE, Joints, Plausibility, steps_of
@@ -38,9 +38,7 @@ def _places(library: MotionLibrary, *names: str) -> list[int]:
 
 
 @pytest.mark.slow
-def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
-    small_library: MotionLibrary, squat: Clip
-) -> None:
+def test_answers_are_implausible_until_fewer_joints_windows_are_open(small_library: MotionLibrary, squat: Clip) -> None:
     """While the windows of fewer joints are not open every hop is answered; then they hold the last seconds at once."""
     positions, lost = squat.positions.copy(), _places(small_library, "lthumb")
     positions[:, lost] = np.nan
@@ -74,9 +72,7 @@ def test_answers_are_implausible_until_fewer_joints_windows_are_ready(
 # --- joints alone ------------------------------------------------------------------------------------------------
 
 
-def _mended(
-    sticks: MotionLibrary, positions: NDArray[np.float64], *, watched: bool = True
-) -> tuple[Joints, NDArray[np.float64]]:
+def _mended(sticks: MotionLibrary, positions: np.ndarray, *, watched: bool = True) -> tuple[Joints, np.ndarray]:
     """Mend frames of a stick one by one, thirty a second."""
     memory, mended = np.empty((1, 6, 3)), positions.copy()
     joints = Joints(opened(sticks).segments, STICK.joints, memory, is_watched=watched)
@@ -89,9 +85,7 @@ def _mended(
 
 # Where joints are not watched the origin is a place like any other.
 @pytest.mark.parametrize(("none", "watched"), [(np.nan, True), (np.nan, False), (0.0, True)])
-def test_lost_joints_are_where_they_were_beside_their_parents(
-    sticks: MotionLibrary, none: float, *, watched: bool
-) -> None:
+def test_lost_joints_stay_beside_their_parents(sticks: MotionLibrary, none: float, *, watched: bool) -> None:
     """One by one from the root; a joint whose parent is lost too moves with what is left; at first all are in one."""
     positions = np.tile(sticks.motions[0].positions[:1], (4, 1, 1)) + np.arange(4)[:, None, None] * 0.01
     lost = positions.copy()
@@ -243,11 +237,13 @@ def test_a_marker_that_slips_is_believed(small_index: WindowIndex, kick: Clip, s
     assert not _doubted(small_index, positions)
 
 
+def _to_and_fro(positions: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+    return np.resize(np.concatenate([positions, positions[::-1]]), (frames, *positions.shape[1:]))
+
+
 def _played_for(recognizer: Recognizer, positions: NDArray[np.float64], seconds: float, begin: float = 0.0) -> None:
     """Play a motion forth and back for some seconds."""
-    there_and_back = np.concatenate([positions, positions[::-1]])
-    for index in range(round(seconds * RATE)):
-        recognizer.push(Frame("p", begin + index / RATE, there_and_back[index % len(there_and_back)]))
+    pushed(recognizer, shown(_to_and_fro(positions, round(seconds * RATE)), RATE, begin=begin))
 
 
 def _short_thighs(clip: Clip) -> NDArray[np.float64]:
@@ -272,9 +268,8 @@ def test_a_body_is_decided_on_after_seconds_of_movement(small_library: MotionLib
     _played_for(recognizer, _short_thighs(squat), 10.0, 10.0)
     assert recognizer.fitting.unlike is True
     recognizer.reset()
-    there_and_back = np.concatenate([squat.positions, squat.positions[::-1]])
-    noise = np.random.default_rng(3).standard_normal(there_and_back.shape)
-    _played_for(recognizer, there_and_back + 0.04 * noise, 7.0)
+    clean = _to_and_fro(squat.positions, round(7 * RATE))
+    _played(recognizer, clean + 0.04 * np.random.default_rng(3).standard_normal(clean.shape))
     assert recognizer.fitting.unlike is True
 
 
@@ -330,9 +325,8 @@ def test_a_cameras_bodies_are_told_from_measured_ones(builtin: MotionLibrary, fi
 def _asks(library: MotionLibrary, positions: NDArray[np.float64], joints: tuple[str, ...]) -> str:
     performers = Performers(library)
     performers.announce(Announcement("p", joints), 0.0)
-    there_and_back = np.concatenate([positions, positions[::-1]])
-    for index in range(200):
-        performers.push(Frame("p", 1 + index / 30, there_and_back[index % len(there_and_back)]), index / 30)
+    for frame in shown(_to_and_fro(positions, 200), 30.0, begin=1.0):
+        performers.push(frame, frame.time - 1)
     return performers.compared.get("p", "")
 
 
@@ -354,5 +348,4 @@ def test_a_library_of_several_before_cameras_names_less(films: MotionLibrary) ->
     assert len(films.actors) > 1
     assert sensitivity_for(films, Settings()) == 0.025
     assert sensitivity_for(films.restricted_to(JOINTS[:8]), Settings()) == 0.2
-    one = films.without(actors=films.actors[1:])
-    assert sensitivity_for(one, Settings()) > 0.1
+    assert sensitivity_for(films.without(actors=films.actors[1:]), Settings()) > 0.1

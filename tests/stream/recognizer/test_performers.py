@@ -291,8 +291,7 @@ def test_the_silent_and_the_idle_make_room(sticks: MotionLibrary) -> None:
         performers.push(Frame("c", index / 30, POSE), 3.2 + index / 30)
     assert (performers.names, performers.take_gone()) == (("c",), ["a", "b"])
     # Who is answered stays; a newcomer that sends now and then gets no room.
-    frames = _frames("c", "bow", frames=480, start=9.0)
-    for index, frame in enumerate(frames):
+    for index, frame in enumerate(_frames("c", "bow", frames=480, start=9.0)):
         performers.push(frame, 4.0 + index / 120)
         performers.push(Frame("d", frame.time, POSE), 4.0 + index / 120)
     assert performers.names == ("c",)
@@ -313,12 +312,8 @@ def test_another_library_is_everybodys(sticks: MotionLibrary, small_library: Mot
     fewer, order = sticks.without(classes=["bow"]), ("wave", "nope", "jump")
     assert sorted(_told(performers.exchange(fewer, order))) == [("a", "end", "bow"), ("b", "end", "bow")]
     assert (performers.classes, performers.library) == (order, fewer)
-    later = {
-        "a": _frames("a", "bow", start=5.0),
-        "b": _with_joints(_frames("b", "bow", start=5.0), range(5)),
-        "c": _frames("c", "bow"),
-    }
-    for frames in later.values():
+    fewer_joints = _with_joints(_frames("b", "bow", start=5.0), range(5))
+    for frames in (_frames("a", "bow", start=5.0), fewer_joints, _frames("c", "bow")):
         for answer in _pushed(performers, frames):
             assert answer.classes == order
             assert answer.class_name != "bow"

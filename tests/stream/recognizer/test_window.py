@@ -35,9 +35,7 @@ def index(request: pytest.FixtureRequest, small_index: WindowIndex, sticks: Moti
     return replace(paper, body=small_index.body, basis=replace(small_index.basis, directions=directions))
 
 
-def _assert_by_definition(
-    live: Window, signature: Signature | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray
-) -> None:
+def _check(live: Window, signature: Signature | None, index: WindowIndex, times: np.ndarray, rows: np.ndarray) -> None:
     """Compare all that was read with numbers computed from the rows up to now."""
     assert live.signature is signature
     expected = Twin(index).numbers(times[-1], times, rows)
@@ -56,9 +54,8 @@ def _assert_by_definition(
     assert np.linalg.norm(matrix @ vector - values[0] * vector) <= 1e-6 * values[0]
     # Movement is read off the longest window of distances.
     seconds = 1.0 if index.comparison.weighing.judges else live.seconds
-    moved = naive_windows.moved(
-        naive_windows.moments(*(each[times > times[-1] - seconds + 1e-6] for each in (times, rows)))
-    )
+    last = times > times[-1] - seconds + 1e-6
+    moved = naive_windows.moved(naive_windows.moments(times[last], rows[last]))
     assert signature.movement == pytest.approx(moved)
     weights = index.basis.directions @ vector
     centred = rows[inside] - rows[inside].mean(axis=0)
@@ -81,7 +78,7 @@ def test_every_part_by_definition(index: WindowIndex, rows: np.ndarray, start: f
         begin, end = end, min(end + int(generator.integers(1, 31)), len(kept))
         live.push(times[begin:end].tolist(), rows[kept[begin:end]])
         if times[end - 1] - times[0] >= 0.15 and generator.random() < 0.4:
-            _assert_by_definition(live, live.read(), index, times[:end], rows[kept[:end]])
+            _check(live, live.read(), index, times[:end], rows[kept[:end]])
             read += 1
     assert read > 3
 
@@ -92,10 +89,10 @@ def test_in_another_library_the_rows_stay(small_index: WindowIndex, index: Windo
     live, times = Window(small_index), np.arange(len(rows)) / 120
     live.push(times.tolist(), rows)
     live.exchange(small_index.of_some([0, 1, 2]))
-    _assert_by_definition(live, live.read(), small_index.of_some([0, 1, 2]), times, rows)
+    _check(live, live.read(), small_index.of_some([0, 1, 2]), times, rows)
     live.exchange(index)
     assert live.seconds == (2.0 if index is small_index else 0.75)
-    _assert_by_definition(live, live.read(), index, times, rows)
+    _check(live, live.read(), index, times, rows)
 
 
 def test_the_noise_of_one_performer_is_not_the_next_ones() -> None:

@@ -71,9 +71,7 @@ class Fed:
             self.expected += [each for each in self._one.push_all(frames, frames[0].time) if each]
             self.gateway.tend(self._clock())
         newest = {each.performer: each.time for each in self.expected}
-        self.until(
-            lambda: {each.performer for each in self.heard if each.time > newest[each.performer] - HOP} == {*NAMES}
-        )
+        self.until(lambda: {one.performer for one in self.heard if one.time > newest[one.performer] - HOP} == {*NAMES})
 
     def until(self, reached: Callable[[], bool]) -> None:
         """Read until something is reached."""
@@ -152,10 +150,8 @@ def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: Mot
         gateway.push_all([Frame(name, 1.0, positions) for name in names], 1.0)
         assert gateway.push_all([Frame("dan", 1.0, positions)], 1.9) == [None]
         assert (gateway.names, gateway.counts.no_room) == (names, 1)
-        joints = sticks.skeleton.joints[::-1]
-        gateway.push_all([Announcement("ann", joints)], 1.0)
-        turned = gateway.ordered(Frame("ann", 9.0, positions[::-1]))
-        assert np.array_equal(turned.positions, positions)
+        gateway.push_all([Announcement("ann", sticks.skeleton.joints[::-1])], 1.0)
+        assert np.array_equal(gateway.ordered(Frame("ann", 9.0, positions[::-1])).positions, positions)
         assert gateway.ordered(Frame("ann", 9.0, positions[1:])) is None
         for index in range(12):
             # One packet of a stranger drops nobody.

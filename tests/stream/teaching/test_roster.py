@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from programs import motions_of
 from synthetic import gesture, stick_clip, stick_clips
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, by_joints, opened
@@ -14,10 +15,6 @@ from kinespace.stream.teaching.movement import Movement, MovementMeter, StretchF
 CHANGE = "do one of the two with the other arm, in another direction, or larger, and teach it anew"
 
 
-def _motions(class_name: str) -> list[Clip]:
-    return [each for each in MotionLibrary.builtin().motions if each.actor == "bd" and each.class_name == class_name]
-
-
 def _example(number: int, class_name: str, motion: Clip) -> Example:
     return Example(number, class_name, motion, 0.0, motion.duration)
 
@@ -26,7 +23,7 @@ def _roster(*taught: tuple[str, str, int]) -> Roster:
     """Teach classes by motions: (class, HDM05's class, which)."""
     roster = Roster()
     for name, shown, which in taught:
-        roster = roster.with_example(_example(roster.next_number, name, _motions(shown)[which]))
+        roster = roster.with_example(_example(roster.next_number, name, motions_of(shown)[which]))
     return roster
 
 
@@ -43,19 +40,16 @@ def test_a_roster_comes_back_from_its_file(tmp_path: object) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("with_base", "either_side"), [(False, False), (True, True)])
-def test_what_must_not_be_said_only_lowers_limits(
-    *, with_base: bool, either_side: bool, small_index: WindowIndex
-) -> None:
+def test_what_must_not_be_said_lowers_limits(*, with_base: bool, either_side: bool, small_index: WindowIndex) -> None:
     """Courses that are kept from change to change are those of a library opened anew; undone examples count no more."""
     windows = TaughtWindows(small_index, with_base=with_base, either_side=either_side)
     first = _roster(("squat", "squat1Reps", 0), ("kick", "kickLFront1Reps", 0))
-    second = first.with_example(_example(3, "nothing", _motions("squat1Reps")[1]))
-    third = second.with_example(_example(4, "nothing", _motions("kickLFront1Reps")[1]))
-    more = third.with_example(_example(5, "kick", _motions("kickLFront1Reps")[2]))
+    second = first.with_example(_example(3, "nothing", motions_of("squat1Reps")[1]))
+    third = second.with_example(_example(4, "nothing", motions_of("kickLFront1Reps")[1]))
+    more = third.with_example(_example(5, "kick", motions_of("kickLFront1Reps")[2]))
     for roster in (first, second, third, first, third, more):
         index = windows.index_of(roster)
-        compared = [index.library.motions[place] for place in np.unique(index.motions).tolist()]
-        anew = Courses.of(compared)
+        anew = Courses.of([index.library.motions[place] for place in np.unique(index.motions).tolist()])
         assert index.courses.classes == anew.classes
         # Windows that are compared together are rounded otherwise.
         assert index.courses.limits == pytest.approx(anew.limits, abs=1e-6)
@@ -138,10 +132,8 @@ def test_a_check_in_words(check: Check, words: str) -> None:
 def test_an_example_of_either_side_is_compared_mirrored_too(small_index: WindowIndex) -> None:
     """Its copy is in the index, no other example to a check, and not in the roster; without it a left kick is none."""
     roster = _roster(("kick", "kickLFront1Reps", 0), ("squat", "squat1Reps", 0), ("squat", "squat1Reps", 1))
-    for base, with_base in ((small_index, True), (small_index, False), (None, False)):
-        plain, both = (
-            TaughtWindows(base, with_base=with_base, either_side=sides).index_of(roster) for sides in (False, True)
-        )
+    for base, known in ((small_index, True), (small_index, False), (None, False)):
+        plain, both = (TaughtWindows(base, with_base=known, either_side=on).index_of(roster) for on in (False, True))
         taught = [motion for motion in both.library.motions if motion not in (base.library.motions if base else ())]
         assert len(taught) == 2 * len(roster.examples)
         assert len(both.library.motions) == len(plain.library.motions) + len(roster.examples)
@@ -182,8 +174,7 @@ def test_hysteresis() -> None:
 def test_a_limb_begins_a_motion_that_the_whole_body_does_not() -> None:
     """The nod of a head moves the whole body by less than it trembles; the head alone begins it."""
     nod = gesture("nod")
-    found = moving.moved_at_all(nod)
-    assert found == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
+    assert moving.moved_at_all(nod) == (pytest.approx(1.0, abs=0.35), pytest.approx(3.0, abs=0.2))
     meter = MovementMeter(nod.skeleton)
     movements = [each for time, body in zip(nod.times, nod.positions, strict=True) if (each := meter.push(time, body))]
     assert max(each.body for each in movements) < 0.01 < max(each.limb for each in movements)
@@ -211,8 +202,7 @@ def test_a_small_gesture_begins_after_standing(name: str, noise: float) -> None:
 def test_the_limb_speed_is_that_of_its_joint() -> None:
     """One of four joints goes at a steady speed against the others; the joint not seen does not matter."""
     corners = np.array([[0, 0, 0], [0, 2, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], dtype=float)
-    times = np.arange(7) / 30
-    bodies = np.repeat(corners[None], 7, axis=0)
+    times, bodies = np.arange(7) / 30, np.repeat(corners[None], 7, axis=0)
     bodies[:, 0, 2] = 0.3 * times
     bodies[3, 4] = np.nan
     # The centre goes along with a quarter of the speed; in such a body the mean squared distance is 10/3.

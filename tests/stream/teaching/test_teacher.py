@@ -24,15 +24,13 @@ class Stage:
     def __init__(self, roster: Roster | None = None) -> None:
         self.library = MotionLibrary.builtin()
         self.teacher = Teacher(self.library.skeleton, roster or Roster(), self.library.classes)
-        #: Seconds by which frames are read late.
-        self.now = self.behind = 0.0
-        self.told: list[Notice] = []
+        self.now, self.told = 0.0, list[Notice]()
 
-    def show(self, frames: Iterable[NDArray[np.float64]], performer: str = "ann") -> None:
+    def show(self, frames: Iterable[NDArray[np.float64]], rate: float = RATE) -> None:
         """Push frames; their own times are ahead of ours."""
         for positions in frames:
-            self.now += 1 / RATE
-            self.told += self.teacher.push(Frame(performer, 100 + self.now - self.behind, positions), self.now)
+            self.now += 1 / rate
+            self.told += self.teacher.push(Frame("ann", 100 + self.now, positions), self.now)
             self.told += self.teacher.tick(self.now)
 
     def stand(self, seconds: float, place: int = 40) -> None:
@@ -89,8 +87,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
     assert stage.steps() == [*[Step.COUNTDOWN] * 3, Step.WAITING, Step.RECORDING, Step.CHECKING]
     assert [each.seconds for each in stage.told if isinstance(each, State)][:3] == [3.0, 2.0, 1.0]
     (example,) = stage.teacher.roster.examples
-    motion = stage.library.motions[40]
-    assert example.motion.duration == pytest.approx(motion.duration, abs=0.35)
+    assert example.motion.duration == pytest.approx(stage.library.motions[40].duration, abs=0.35)
     assert example.recording.duration > example.motion.duration + 0.4
     assert "s kept" in stage.reason()
     (changed,) = [each for each in stage.told if isinstance(each, Changed)]
@@ -104,10 +101,7 @@ def test_a_lesson_goes_from_countdown_to_check() -> None:
 def test_a_slow_camera_is_said_before_the_lesson(rate: int, said: str) -> None:
     """With the last number of the countdown, while there is time to choose."""
     stage = _asked("wave", countdown=3.0)
-    for number in range(3 * rate):
-        stage.now = 1.0 + (number + 0.5) / rate
-        stage.told += stage.teacher.push(Frame("ann", stage.now, stage.library.motions[40].positions[0]), stage.now)
-        stage.told += stage.teacher.tick(stage.now)
+    stage.show([stage.library.motions[40].positions[0]] * (3 * rate - 1), rate)
     assert [each.reason for each in stage.told if isinstance(each, State)] == ["", "", said]
 
 
@@ -144,8 +138,7 @@ def test_recent_minutes_end_where_the_recording_begins() -> None:
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.stand(0.5)
     stage.perform()
-    recent = stage.teacher.recent(1)
-    assert recent.clip().duration == pytest.approx(10.3, abs=0.4)
+    assert stage.teacher.recent(1).clip().duration == pytest.approx(10.3, abs=0.4)
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     stage.perform()
     stage.ask(commands.Last("ann", 1.0, "bow"))
@@ -185,10 +178,8 @@ def test_who_is_waited_for_sees_how_much_movement_is_needed() -> None:
     for place, each in enumerate(lifted):
         each[stage.library.skeleton.joints.index("lhand"), 1] += 0.12 * place / 60
     stage.show(lifted)
-    shares = [
-        int(each.reason.split("%")[0].split()[1]) for each in stage.told if "movement" in getattr(each, "reason", "")
-    ]
-    assert 10 < max(shares) < 100
+    found = [int(one.reason.split("%")[0].split()[1]) for one in stage.told if "movement" in getattr(one, "reason", "")]
+    assert 10 < max(found) < 100
 
 
 @pytest.mark.parametrize(("every", "told"), [(12, "5 frames a second show no movement: send 8 or more"), (7, "")])
@@ -197,14 +188,10 @@ def test_a_feed_that_is_too_slow_to_show_movement_is_told_so(every: int, told: s
     stage = Stage()
     motion = stage.library.motions[0].positions
     stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-    frames = [*[motion[0]] * 60, *motion, *[motion[-1]] * 90]
-    for place, positions in enumerate(frames):
-        stage.now += 1 / RATE
-        if place % every == 0:
-            stage.told += stage.teacher.push(Frame("ann", 100 + stage.now, positions), stage.now)
-            if stage.teacher.lesson is None and not stage.teacher.roster.examples:
-                stage.ask(commands.Teach("ann", "wave", 1, 0.0))
-        stage.told += stage.teacher.tick(stage.now)
+    for positions in [*[motion[0]] * 60, *motion, *[motion[-1]] * 90][::every]:
+        stage.show([positions], RATE / every)
+        if stage.teacher.lesson is None and not stage.teacher.roster.examples:
+            stage.ask(commands.Teach("ann", "wave", 1, 0.0))
     assert len(stage.teacher.roster.examples) == (not told)
     assert told in {each.reason for each in stage.told if isinstance(each, State)}
 
@@ -248,8 +235,7 @@ def test_a_hole_in_the_feed_makes_no_example() -> None:
 )
 def test_commands_at_the_wrong_step_are_refused(command: Command) -> None:
     """A command that makes no sense at this step is refused with a reason."""
-    stage = Stage()
-    (told,) = stage.ask(command)
+    (told,) = Stage().ask(command)
     assert told.step is Step.REFUSED
 
 
@@ -319,8 +305,7 @@ def _event(kind: EventKind, time: float, label: str = "squat1Reps", performer: s
 def _performed(stage: Stage, *, going_on: bool = False) -> float:
     """Perform a motion that is named some time after its beginning; give its seconds."""
     stage.stand(2.0)
-    began = 100 + stage.now
-    motion = stage.library.motions[40]
+    began, motion = 100 + stage.now, stage.library.motions[40]
     stage.teacher.named.push(_event(EventKind.START, began + 0.4))
     stage.show(motion.positions[:90] if going_on else motion.positions)
     if not going_on:
@@ -489,10 +474,7 @@ def _read(said: bytes | dict[str, object]) -> list[commands.Command]:
         ({"do": "enable", "class": "wave", "on": True}, commands.Enable("wave", on=True)),
         ({"do": "sensitivity", "share": 0.1}, commands.Sensitivity(0.1)),
         ({"do": "wrong", "performer": "ann"}, commands.Wrong("ann")),
-        (
-            {"do": "last", "performer": "", "seconds": 2.0, "class": "bow", "ago": 5.5},
-            commands.Last("", 2.0, "bow", 5.5),
-        ),
+        ({"do": "last", "performer": "", "seconds": 2.0, "class": "a", "ago": 5.5}, commands.Last("", 2.0, "a", 5.5)),
     ],
 )
 def test_commands_by_osc_and_in_json(said: bytes | dict[str, object], command: commands.Command) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import zmq
 from fakes import NAMED
-from programs import LOOPBACK, PATIENCE, ran
+from programs import LOOPBACK, PATIENCE, key_folders, ran
 from zmq import Socket
 from zmq.auth import load_certificate
 
@@ -218,8 +218,7 @@ def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
         assert receiver.receive() is None
         assert receiver.counts.broken == 0
         receiver.socket.poll(20)
-    again = wire.sender(address, bind=not bind)
-    _greet(again, receiver)
+    _greet(wire.sender(address, bind=not bind), receiver)
     assert receiver.counts.broken == 0
 
 
@@ -227,9 +226,7 @@ def test_a_sender_that_leaves_is_not_counted(wire: Wire, *, bind: bool) -> None:
     ("performers", "hop", "refused", "state"),
     [({}, 0.0, {}, "waiting"), ({"a": 60.0}, 0.2, {}, "late"), ({"a": 60.0}, 0.2, {"b": "5 joints"}, "refusing")],
 )
-def test_the_health_is_one_word_and_numbers(
-    performers: dict[str, float], hop: float, refused: dict[str, str], state: str
-) -> None:
+def test_the_health_is_one_word(performers: dict[str, float], hop: float, refused: dict[str, str], state: str) -> None:
     """No performer, answers that come late, and frames that are refused."""
     status = Status(InputCounts(), PerformerCounts(), 0, performers, hop, hop, refused)
     assert status.health.partition(":")[0] == state
@@ -237,16 +234,6 @@ def test_the_health_is_one_word_and_numbers(
 
 #: Milliseconds in which a stranger, who must not be let in, is surely refused; the result does not depend on it.
 A_MOMENT = 150
-
-
-def folders(place: Path, *names: str) -> list[Path]:
-    """Make a folder of keys for each name; the first knows all, the others know the first."""
-    made = [place / name for name in names]
-    publics = [make_keys(folder, folder.name)[0] for folder in made]
-    for folder, public in zip(made[1:], publics[1:], strict=True):
-        (made[0] / public.name).write_bytes(public.read_bytes())
-        (folder / publics[0].name).write_bytes(publics[0].read_bytes())
-    return made
 
 
 def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path) -> None:
@@ -270,7 +257,7 @@ def test_key_files_are_in_zmqs_format_and_private(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["", "ann.key", "stage.key"])
 def test_where_anybody_may_add_keys_nobody_is_let_in(tmp_path: Path, name: str) -> None:
     """The folder, and every key in it, is its owner's alone to write."""
-    stage, _ = folders(tmp_path, "stage", "ann")
+    stage, _ = key_folders(tmp_path, "stage", "ann")
     (stage / name).chmod(0o777 if not name else 0o666)
     with pytest.raises(ValueError, match="expected what its owner alone may write to"):
         Keyring(stage)
@@ -309,7 +296,7 @@ def test_a_folder_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
 
 def test_several_keys_of_others_are_refused_for_connecting(tmp_path: Path) -> None:
     """With several keys beside its own a socket cannot know which one to connect to, and says so."""
-    stage, *_ = folders(tmp_path, "stage", "ann", "ben")
+    stage, *_ = key_folders(tmp_path, "stage", "ann", "ben")
     with Keyring(stage) as keyring, pytest.raises(ValueError, match="to connect to, got ann, ben"):
         ZmqSender(Endpoint(f"tcp://{LOOPBACK}:1", bind=False), keyring)
 
@@ -325,8 +312,8 @@ def heard(publisher: ZmqSender, subscriber: Socket[bytes], *, longest: int) -> b
 
 def test_only_known_keys_are_let_in_on_both_ends(tmp_path: Path) -> None:
     """A peer with a known key is heard and hears; a peer with another key, or without one, does neither."""
-    stage, ann = folders(tmp_path, "stage", "ann")
-    _, eve = folders(tmp_path / "elsewhere", "stage", "eve")
+    stage, ann = key_folders(tmp_path, "stage", "ann")
+    _, eve = key_folders(tmp_path / "elsewhere", "stage", "eve")
     # Eve knows the stage's public key: that does not let her in.
     (eve / "stage.key").write_bytes((stage / "stage.key").read_bytes())
     anywhere = Endpoint(f"tcp://{LOOPBACK}:*", bind=True)

@@ -76,7 +76,6 @@ def _is_near(sock: socket.socket, host: str) -> bool:
 
 def _leaves_by_loopback(sock: socket.socket) -> bool:
     if sock.family == socket.AF_INET:
-        chosen = sock.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, 4)
-        return ipaddress.ip_address(chosen).is_loopback
+        return ipaddress.ip_address(sock.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, 4)).is_loopback
     number = sock.getsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF)
     return number > 0 and socket.if_indextoname(number).startswith("lo")

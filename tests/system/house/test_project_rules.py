@@ -5,17 +5,17 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 from collections.abc import Mapping
 from functools import cache
+from graphlib import TopologicalSorter
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_args
 
 import figures
 import pytest
-from programs import ROOT, ran
+from programs import ROOT, python, ran
 
 import kinespace.library
 import kinespace.stream
@@ -41,6 +41,8 @@ RECORDINGS = (".amc", ".asf", ".c3d", ".bvh", ".trc", ".fbx")
 #: Bytes above which a recording is none of a test's examples.
 MAX_EXAMPLE = 20_000
 
+#: Programs that tests run, by name.
+RECIPES = tomllib.loads(Path(__file__).with_name("recipes.toml").read_text(encoding="utf-8"))
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
@@ -113,11 +115,8 @@ def test_imports_go_one_way() -> None:
 
 def test_folders_import_one_way() -> None:
     """No two folders of a package import each other, nor do several in a circle, not even for the types."""
-    left = {folder: below - {folder} for folder, below in _folders_imported().items()}
-    while free := [folder for folder, below in left.items() if not below & left.keys()]:
-        for folder in free:
-            del left[folder]
-    assert not left, "these folders import each other in a circle, or import folders that do"
+    # Its error names the circle.
+    TopologicalSorter({folder: below - {folder} for folder, below in _folders_imported().items()}).prepare()
 
 
 def _folders_imported() -> dict[str, set[str]]:
@@ -161,9 +160,7 @@ def test_a_sink_takes_messages_that_there_are() -> None:
 def test_a_module_is_loaded_without_others(modules: str, others: set[str]) -> None:
     """The recogniser and the library need no transport, no terminal and no scipy; a program's start no asyncio."""
     code = f"import sys, {modules}; print(sorted({others} & set(sys.modules)))"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout == "[]\n"
+    assert python("-c", code, cwd=ROOT).stdout == "[]\n"
 
 
 def test_no_source_says_where_it_was_written() -> None:
@@ -176,32 +173,9 @@ def test_no_source_says_where_it_was_written() -> None:
     assert said == []
 
 
-#: Addresses that are on no machine (RFC 5737, RFC 3849), and a name that nobody has (RFC 6761).
-FAR, FAR6, NAME = "192.0.2.77", "2001:db8::1", "stage.invalid"
-
-_TRIED = f"""
-import socket
-def refused(act, *given):
-    try:
-        act(*given)
-    except OSError as error:
-        return "tests ask no network" in str(error)
-    return False
-udp, udp6 = socket.socket(type=socket.SOCK_DGRAM), socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
-found = [refused(udp.sendto, b"", (far, 9)) for far in ({FAR!r}, "224.0.0.251", "255.255.255.255")]
-found += [refused(udp6.sendto, b"", (far, 9)) for far in ({FAR6!r}, "ff02::fb")]
-found += [refused(act, ({FAR!r}, 9)) for act in (udp.connect, socket.create_connection)]
-found += [refused(socket.getaddrinfo, {NAME!r}, 9), refused(socket.gethostbyname, {NAME!r})]
-udp.close()
-udp6.close()
-"""
-
-
 def test_a_program_asks_no_network() -> None:
     """The programs that tests start refuse the same."""
-    command = [sys.executable, "-c", f"{_TRIED}\nprint(found)"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == str([True] * 9)
+    assert python("-c", RECIPES["network"]["uses"]).stdout.strip() == str([True] * 9)
 
 
 @pytest.mark.slow
@@ -209,25 +183,22 @@ def test_a_program_asks_no_network() -> None:
 @pytest.mark.parametrize("name", figures.QUICK)
 def test_no_figure_falls(name: str, request: pytest.FixtureRequest) -> None:
     """Each new figure is within its tolerance of the expected one, or better."""
-    arguments, entries = figures.RUNS[name], figures.expected()[name]
-    needs_recordings = any("{data}" in argument for argument in arguments)
-    data = request.getfixturevalue("data_folder") if needs_recordings else None
-    worse = figures.fallen(name, entries, figures.measured(arguments, entries, data))
+    line, entries = figures.RUNS[name], figures.expected()[name]
+    data = request.getfixturevalue("data_folder") if "{data}" in line else None
+    worse = figures.fallen(name, entries, figures.measured(line, entries, data))
     assert not worse, "\n".join(worse)
 
 
 @pytest.mark.slow
 def test_every_evaluation_has_figures() -> None:
-    """Every evaluation is written down, none beyond them; at least one of each experiment."""
-    written = figures.expected()
-    assert list(written) == list(figures.RUNS)
-    assert {arguments[0] for arguments in figures.RUNS.values()} == set(EXPERIMENTS)
+    """Each run has some; at least one run is of each experiment."""
+    assert all(figures.expected().values())
+    assert {line.split()[0] for line in figures.RUNS.values()} == set(EXPERIMENTS)
 
 
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_path: Path) -> None:
     """Mkdocs takes warnings for errors; each page is in its list, and each public name has an entry."""
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", f"{ROOT / '.ci' / 'mkdocs.yml'}"]
     # griffe, which reads the sources, looks for packages by folder, as mypy does.
     packages = ROOT / ".venv" / "packages" / "kinespace"
     packages.mkdir(parents=True, exist_ok=True)
@@ -235,8 +206,8 @@ def test_the_site_is_built_without_a_warning_and_has_every_page_and_name(tmp_pat
         link = packages / room
         if not link.exists():
             link.symlink_to(ROOT / room)
-    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run([*command, "-d", f"{tmp_path}"], capture_output=True, text=True, check=False, env=environment)
+    settings, environment = ROOT / ".ci" / "mkdocs.yml", {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = python("-m", "mkdocs", "build", "--quiet", "-f", settings, "-d", tmp_path, env=environment)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     pages = {page.stem for page in (tmp_path / "docs").glob("*.html")}
     assert pages == {page.stem for page in (ROOT / ".github" / "docs").glob("*.md")}
@@ -273,26 +244,13 @@ def options_of(program: str) -> set[str]:
     return set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", ran(*program.split(), "--help")[1]))
 
 
-_RUN_EXAMPLES = """
-import sys
-from kinespace import MotionLibrary
-some, builtin = ("kickLFront1Reps", "squat1Reps", "throwBasketball"), MotionLibrary.builtin()
-few = builtin.without(classes=[name for name in builtin.classes if name not in some], actors=("bk", "tr"))
-MotionLibrary.builtin = lambda: few
-for code in sys.argv[1:]:
-    exec(code, {})
-    print("=====")
-"""
-
-
 @pytest.mark.slow
 def test_every_python_example_runs(tmp_path: Path) -> None:
     """Each example in Python runs with names of its own, in any folder, without a warning, and prints something.
 
     Of the built-in library they get some motions: most examples open it anew, without a motion.
     """
-    command = [sys.executable, "-W", "error", "-c", _RUN_EXAMPLES, *PYTHON]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = python("-W", "error", "-c", RECIPES["examples"]["uses"], *PYTHON, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert all(printed.strip() for printed in done.stdout.split("=====\n")[: len(PYTHON)])
 
@@ -301,20 +259,10 @@ def test_every_python_example_runs(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_every_python_example_passes_a_strict_type_checker(tmp_path: Path) -> None:
     """Types say as much as the docstrings: texts for signatures, lists for arrays and names."""
-    further = """
-from kinespace import Announcement, Frame, MotionClassifier, MotionLibrary, Settings, Skeleton, read_recordings
-
-clips = list(read_recordings("folder", actor_in="name"))
-skeleton = Skeleton(["a", "b"])
-frame, joints = Frame("ann", 0.0, [[0.0, 0.0, 0.0]] * 31), Announcement("ann", ["root", "head"])
-named = MotionClassifier(skeleton).fit(clips, [clip.class_name for clip in clips]).predict([[[[0.0] * 3] * 2] * 9])
-paper, library = Settings(signature="paper"), MotionLibrary.of_clips(clips)
-"""
-    for number, code in enumerate([*PYTHON, further]):
+    for number, code in enumerate([*PYTHON, RECIPES["types"]["uses"]]):
         (tmp_path / f"example{number}.py").write_text(code, encoding="utf-8")
     # By the settings of `make types`, so that what it has learned of our modules need not be learned again.
-    command = [sys.executable, "-m", "mypy", *sorted(map(str, tmp_path.glob("*.py")))]
-    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    checked = python("-m", "mypy", *sorted(tmp_path.glob("*.py")), cwd=ROOT)
     said = [line for line in checked.stdout.splitlines() if "/example" in line and "[import-" not in line]
     assert "\n".join(said) == checked.stderr == ""
 
@@ -344,8 +292,7 @@ def anchors(text: str) -> set[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_every_link_within_the_project_leads_somewhere(page: Path) -> None:
     """Each relative link or picture is a file of the project, each anchor one of that page's headings."""
-    links = re.findall(r"\]\(([^)\s]+)\)", _FENCE.sub("", PAGES[page]))
-    for link in links:
+    for link in re.findall(r"\]\(([^)\s]+)\)", _FENCE.sub("", PAGES[page])):
         if "://" in link or link.startswith("mailto:"):
             continue
         name, _, anchor = link.partition("#")
@@ -416,9 +363,6 @@ def test_every_file_in_a_package_is_declared() -> None:
 # --- what CONTRIBUTING says of adding things, done in a copy of the program -------------------------------------------
 
 
-RECIPES = tomllib.loads(Path(__file__).with_name("recipes.toml").read_text(encoding="utf-8"))
-
-
 def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:
     """Copy the program into a folder, and change some of its texts."""
     for room in ("library", "stream", "tools"):
@@ -435,10 +379,7 @@ def _changed(folder: Path, edits: Mapping[str, Mapping[str, str]]) -> None:
 
 def _run(folder: Path, script: str) -> str:
     environment = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=120
-    )
+    done = python("-c", script, cwd=folder, env=environment)
     assert not done.returncode, done.stderr
     return done.stdout
 

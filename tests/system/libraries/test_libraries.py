@@ -17,9 +17,6 @@ pytestmark = pytest.mark.slow
 # --- own library ------------------------------------------------------------------------------------------------------
 
 
-BOTH = pytest.mark.parametrize("signature", LiveSignature)
-
-
 def _answers(library: MotionLibrary, clip: Clip, signature: LiveSignature = LiveSignature.WINDOWS) -> list[Recognition]:
     return pushed(Recognizer(library, Settings(signature=signature)), shown(clip.positions, clip.frame_rate))
 
@@ -28,7 +25,7 @@ def _performed(class_name: str, seed: int = 60) -> Clip:
     return stick_clip(class_name, seed=seed, frames=240)
 
 
-@BOTH
+@pytest.mark.parametrize("signature", LiveSignature)
 def test_motions_of_the_class_nothing_are_unknown(signature: LiveSignature) -> None:
     """A class renamed to `nothing` competes, has no score of its own, and is answered unknown with a best guess."""
     library = MotionLibrary.of_clips(stick_clips()).renamed({"wave": NOTHING})
@@ -51,8 +48,7 @@ def test_a_file_answers_the_same_taught_and_as_a_library(builtin: MotionLibrary)
     names, indices = set[Outcome](), (opened(library), open_taught(library))
     for asked in [each for each in builtin.motions if each.actor == "mm"][::20]:
         frames = [Frame("p", *each) for each in zip(asked.times.tolist(), asked.positions, strict=True)]
-        both = [pushed(Recognizer(index), frames) for index in indices]
-        for one, other in zip(*both, strict=True):
+        for one, other in zip(*[pushed(Recognizer(index), frames) for index in indices], strict=True):
             assert one.label == other.label
             assert one.evidence.compared == pytest.approx(other.evidence.compared, abs=1e-4)
             names.add(one.outcome)
@@ -77,9 +73,7 @@ SOON, HOP = 10.0, 1 / 6
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_it_is_said_within_ten_seconds_whether_the_library_fits(
-    name: str, data_folder: Path, builtin_index: WindowIndex
-) -> None:
+def test_it_is_soon_said_whether_the_library_fits(name: str, data_folder: Path, builtin_index: WindowIndex) -> None:
     """All but one of the takes that are long enough are judged as their whole set is."""
     pattern, unlike = SETS[name]
     places = sorted((data_folder / name).glob(pattern))

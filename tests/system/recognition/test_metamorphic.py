@@ -17,7 +17,6 @@ pytestmark = pytest.mark.slow
 Feed = list[Frame]
 Answers = Sequence[Recognition]
 
-SIGNATURES = pytest.mark.parametrize("signature", LiveSignature)
 CLASSES = ("kickLFront1Reps", "squat1Reps", "throwBasketball")
 
 
@@ -73,15 +72,13 @@ def asked(request: pytest.FixtureRequest, small_library: MotionLibrary, feed: Fe
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_changes_that_do_not_matter(
-    small_library: MotionLibrary, feed: Feed, asked: tuple[Settings, Answers], change: str
-) -> None:
+def test_what_may_vary(small_library: MotionLibrary, feed: Feed, asked: tuple[Settings, Answers], change: str) -> None:
     """A body's place, heading and size, the clock's zero and rounding change no word."""
     (changed, within), (settings, first) = CHANGES[change], asked
     _assert_alike(first, pushed(Recognizer(small_library, settings), changed(feed)), within)
 
 
-@SIGNATURES
+@pytest.mark.parametrize("signature", LiveSignature)
 def test_a_mirror_image_is_answered_alike(small_library: MotionLibrary, feed: Feed, signature: LiveSignature) -> None:
     """To the last bit: distances know no left and right. Courses do: what starts and is done may differ."""
     mirrored = _moved(lambda positions: positions * [-1.0, 1.0, 1.0])(feed)
@@ -90,9 +87,7 @@ def test_a_mirror_image_is_answered_alike(small_library: MotionLibrary, feed: Fe
     assert_same(*answers, "events", "done", "seen")
 
 
-def test_what_is_asked_twice_is_answered_twice(
-    small_library: MotionLibrary, feed: Feed, asked: tuple[Settings, Answers]
-) -> None:
+def test_asked_twice_answered_alike(small_library: MotionLibrary, feed: Feed, asked: tuple[Settings, Answers]) -> None:
     """After a reset, to the last bit; without one after a restart; and frames that come late change nothing."""
     settings, first = asked
     recognizer = Recognizer(small_library, settings)

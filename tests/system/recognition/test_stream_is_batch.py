@@ -76,10 +76,9 @@ def _assert_alike(answer: Recognition, due: Due) -> None:
 
 def _due(twin: Twin, frames: Sequence[Frame], settings: Settings) -> Iterator[Due | None]:
     """Show the twin frames; give for each what is due, if it is."""
-    pairs, index = [(int(first), int(second)) for first, second in twin.index.library.skeleton.pairs], twin.index
-    feed = NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap)
+    index, feed = twin.index, NaiveFeed(twin.body.segments, hop=settings.hop, longest_gap=settings.longest_gap)
     for frame in frames:
-        hop = feed.push(frame.time, naive.distance_rows(frame.positions[None], pairs)[0])
+        hop = feed.push(frame.time, naive.distance_rows(frame.positions[None])[0])
         if hop is None:
             yield None
             continue
@@ -150,8 +149,7 @@ def test_a_stop_right_after_moving(clips: list[Clip], twin: Twin, noise: float) 
     clip = clips[0]
     pose = np.repeat(clip.positions[60:61], 150, axis=0)
     pose += noise * np.random.default_rng(16).normal(size=pose.shape)
-    frames = _frames(clip.moved_to(np.concatenate([clip.positions[:60], pose])))
-    answers = _compare(twin, frames)
+    answers = _compare(twin, _frames(clip.moved_to(np.concatenate([clip.positions[:60], pose]))))
     assert answers[-1].outcome is Outcome.STILL
     assert answers[0].outcome is not Outcome.STILL
 

@@ -23,11 +23,9 @@ from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 
 def test_a_message_of_a_hundred_thousand_parts_is_passed_over() -> None:
     """It is thrown away a little at a time, and frames before and after it are read."""
-    receiver, publisher = (
-        ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True)),
-        zmq.Context.instance().socket(zmq.XPUB),
-    )
-    publisher.linger, events = 0, []
+    receiver, events = ZmqReceiver(Endpoint(f"tcp://{LOOPBACK}:*", bind=True)), list[Frame]()
+    publisher = zmq.Context.instance().socket(zmq.XPUB)
+    publisher.linger = 0
     publisher.set_hwm(0)
     with closing(publisher), closing(Source(receiver, ZmqDecoder())) as source:
         publisher.connect(receiver.address)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, REMARK, free_udp_port, ran, started
+from programs import LOOPBACK, REMARK, free_udp_port, python, ran, started
 from synthetic import stick_clips
 from written import write_clip, write_clips
 
@@ -88,9 +88,7 @@ def one_line(*arguments: object) -> str:
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes and devices in folders")
 @pytest.mark.parametrize("command", REFUSED)
-def test_what_cannot_be_done_is_one_line(
-    command: str, places: dict[str, object], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refusal_is_one_line(command: str, places: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
     """The line names the file, the option or the value, what was expected and what came; no file is made or changed."""
     folder = Path(f"{places['folder']}")
     monkeypatch.chdir(folder / "empty")
@@ -170,11 +168,7 @@ BOMBS: dict[str, tuple[str, Callable[[], str], str]] = {
         lambda: 'time,a_x,a_y,a_z,b_x,b_y,b_z\n1,"' + '","\n'.join("0" * 9) + "\n" + '0,"\n' * 400_000,
         "a quotation mark that does not end",
     ),
-    "a long line": (
-        "line.trc",
-        lambda: "PathFileType\t4\t(X/Y/Z)\n" + "DataRate\t" * 200_000,
-        "expected a shorter line",
-    ),
+    "a long line": ("line.trc", lambda: "PathFileType\t4\t(X/Y/Z)\n" + "DataRate\t" * 200_000, "a shorter line"),
     "a long name": (
         "name.bvh",
         lambda: _hierarchy(f"JOINT {'a.' * 50_000}\n{{\nOFFSET 0 1 0\n}}\n", "", 2),
@@ -214,9 +208,7 @@ def test_whichever_write_fails_what_is_lost_is_said(tmp_path: Path) -> None:
     """Opening, writing, renaming and `fsync`, once and from then on, in all that keeps something for a person."""
     shim = tmp_path / "shim.so"
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", shim, FAULTS / "shim.c", "-ldl"], check=True)
-    surroundings = {**os.environ, "LD_PRELOAD": str(shim)}
-    done = subprocess.run([sys.executable, FAULTS / "work.py"], env=surroundings, capture_output=True, check=True)
-    found = json.loads(done.stdout)
+    found = json.loads(python(FAULTS / "work.py", env={**os.environ, "LD_PRELOAD": str(shim)}).stdout)
     assert {*found} == {"teaching", "building", "labelling", "recording", "keys", "cache", "midi"}
     assert {name: each["wrong"] for name, each in found.items()} == {name: [] for name in found}
     # The faults reach the calls.

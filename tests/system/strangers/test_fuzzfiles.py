@@ -19,6 +19,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from fuzzfeeds import changed
 from golden import moments
 from programs import REMARK, ROOT
 from synthetic import stick_clips
@@ -42,7 +43,9 @@ pytestmark = pytest.mark.slow
 FILES = int(os.environ.get("FILES", "400"))
 #: Seconds for a broken file of some kilobytes on a busy machine, and megabytes, with all that a program imports.
 LONGEST, MOST = 20.0, 150
-_TABLE = "time\t" + "\t".join(f"{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz")
+#: As OpenSim writes tables.
+_TABLE = "Coordinates\nversion=1\nendheader\ntime"
+_TABLE += "".join(f"\t{each}_{axis}" for each in ("hips", "head", "lhand") for axis in "xyz")
 _TABLE += "".join(f"\n{moment / 100}" + "\t0.5\t0.7\t0.9" * 3 for moment in range(6))
 #: Words that mean something to some reader, or should not.
 TELLING = (
@@ -153,11 +156,7 @@ def _laid_out(path: Path) -> list[str]:
 KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]]] = {
     **{f".{ending}": (_made(ending), _info) for ending in ("bvh", "c3d", "trc", "csv", "amc")},
     **{f".{ending}": (_made("csv", f"take.{ending}"), _info) for ending in ("tsv", "txt")},
-    # As OpenSim writes tables.
-    **{
-        f".{ending}": (_text(f"take.{ending}", f"Coordinates\nversion=1\nendheader\n{_TABLE}"), _info)
-        for ending in ("sto", "mot")
-    },
+    **{f".{ending}": (_text(f"take.{ending}", _TABLE), _info) for ending in ("sto", "mot")},
     ".npz": (_converted, _info),
     ".kinerec": (_raw, _info),
     "library": (_library, _info),
@@ -186,27 +185,8 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]
 
 
 def broken(whole: bytes, generator: np.random.Generator) -> bytes:
-    """Change a file: cut, bytes changed, words put in or exchanged, pieces repeated, left out or put elsewhere."""
-    changed = bytearray(whole)
-    for _ in range(int(generator.integers(1, 5))):
-        first, second = sorted(generator.integers(len(changed) + 1, size=2).tolist())
-        telling = TELLING[generator.integers(len(TELLING))]
-        match generator.integers(8):
-            case 0:
-                del changed[first:]
-            case 1:
-                del changed[first : min(second, first + 200)]
-            case 2 | 3:
-                changed[first : first + len(telling) % 100] = telling
-            case 4:
-                words = bytes(changed).split(b" ")
-                words[generator.integers(len(words))] = telling
-                changed = bytearray(b" ".join(words))
-            case 5:
-                changed[first:first] = changed[first : min(second, first + 500)] * int(generator.integers(1, 40))
-            case _ if changed:
-                changed[first % len(changed)] = generator.integers(256)
-    return bytes(changed)
+    """Change a file by words that mean something to some reader."""
+    return changed(whole, TELLING, generator)
 
 
 def unpacked_and_broken(whole: bytes, generator: np.random.Generator) -> bytes:

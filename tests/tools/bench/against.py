@@ -20,9 +20,7 @@ from kinespace.tools.programs.bench import COSTS, Measured, shown
 TURNS, _DRAWS = 6, 2000
 #: The folder of this version's sources.
 _HERE = Path(__file__).parents[3]
-_MEASURE = (
-    "import sys; from kinespace.tools.cli.entry import main; sys.argv[1:] = ['bench', 'stages', '--json']; main()"
-)
+_MEASURE = "import sys; from kinespace.tools.cli.entry import main; sys.argv[1:]=['bench', 'stages', '--json']; main()"
 
 
 def measure(commit: str) -> Measured:

@@ -1,6 +1,5 @@
 import hashlib
 import math
-import os
 import subprocess
 import sys
 import threading
@@ -260,8 +259,7 @@ def test_every_picture_of_a_film_in_order_with_its_time(path: Path) -> None:
 @pytest.mark.slow
 def test_pictures_that_nobody_took_in_time_are_counted(path: Path) -> None:
     """At its own pace a film does not wait for a slow reader."""
-    read = film.Film(str(path), _never, paced=True)
-    taken = []
+    read, taken = film.Film(str(path), _never, paced=True), []
     for picture in read:
         taken.append(picture.time)
         time.sleep(3 / _RATE)
@@ -408,8 +406,7 @@ def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch: pytest.Monke
 def test_bodies_of_a_film_are_sent(demo_film: Path) -> None:
     """The demo film: found nearly always, frames with the film's times, joints announced."""
     with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
-        place = f"{LOOPBACK}:{receiver.address[1]}"
-        status, said, errors = ran("camera", demo_film, "--fast", "--osc", place)
+        status, said, errors = ran("camera", demo_film, "--fast", "--osc", f"{LOOPBACK}:{receiver.address[1]}")
         decoder, frames = OscDecoder(), []
         while packet := receiver.receive():
             frames += decoder.decode(packet, 0.0, ("", 0))
@@ -424,9 +421,7 @@ def test_bodies_of_a_film_are_sent(demo_film: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_film_without_a_body_is_one_line(
-    camera_models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_of_nobody_is_one_line(camera_models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """And status 2; so are models that are none."""
     film, models = grey(tmp_path / "grey.avi", [128] * 5, 30.0), tmp_path / "models"
     models.mkdir()
@@ -455,7 +450,7 @@ def test_one_command_watches_recognises_and_ends(demo_film: Path) -> None:
         assert children
         program.process.kill()
         program.wait()
-        until(lambda: not any(map(_is_there, children)))
+        until(lambda: not any(Path(f"/proc/{each}").exists() for each in children))
 
 
 def _children(parent: int) -> list[int]:
@@ -463,14 +458,6 @@ def _children(parent: int) -> list[int]:
     command = ["ps", "-o", "pid=,args=", "--ppid", str(parent)]
     listed = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     return [int(each.split()[0]) for each in listed if "resource_tracker" not in each]
-
-
-def _is_there(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 @pytest.mark.slow

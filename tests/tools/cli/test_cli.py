@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import ROOT, ran
+from programs import ROOT, python, ran
 
 from kinespace.tools.cli.values import host_and_port
 from kinespace.tools.programs import info
@@ -79,9 +79,7 @@ def test_blas_keeps_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout.split() == ["None", "1", "3"]
+    assert python("-c", code, cwd=ROOT).stdout.split() == ["None", "1", "3"]
 
 
 @pytest.mark.parametrize(
@@ -124,5 +122,5 @@ def test_ctrl_c_while_it_loads_ends_it_quietly(becomes: str) -> None:
         "sys.argv[1:] = ['info']\n"
         "sys.exit(main())\n"
     )
-    done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False)
+    done = python("-c", interrupted)
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "")

@@ -34,16 +34,10 @@ def recognition(
 
 def status(*performers: str) -> Status:
     """Make a status in which every counter is another number."""
-    return Status(
-        inputs=InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5),
-        outcomes=PerformerCounts(
-            no_room=6, other_joints=7, recognizers=RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20)
-        ),
-        unsent=10,
-        performers=dict.fromkeys(performers, 119.6),
-        hop_p50=0.0012,
-        hop_p99=0.0034,
-    )
+    inputs = InputCounts(received=101, malformed=2, foreign=3, overrun=4, missing=5)
+    recognizers = RecognizerCounts(frames=80, out_of_order=8, restarts=9, hops=20)
+    outcomes = PerformerCounts(no_room=6, other_joints=7, recognizers=recognizers)
+    return Status(inputs, outcomes, 10, dict.fromkeys(performers, 119.6), hop_p50=0.0012, hop_p99=0.0034)
 
 
 def shown(table: LiveTable, width: int = 120) -> str:
@@ -102,9 +96,7 @@ def test_motions_that_were_done_are_counted(capsys: pytest.CaptureFixture[str]) 
 def test_remarks_on_performers_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """Clocks, refused frames, and addresses that are not as the name: below the table, and in lines printed once."""
     named = status("me", "佐藤", "Actor 1")
-    noticed = replace(
-        named, clocks={"me": "times are milliseconds: scaled"}, refused={"you": "2 joints, from 10.0.0.5"}
-    )
+    noticed = replace(named, clocks={"me": "times are milliseconds"}, refused={"you": "2 joints, from 10.0.0.5"})
     table, lines = LiveTable(CLASSES), PlainLines()
     for sink in (table, lines, lines):
         sink.send(noticed)
@@ -177,9 +169,7 @@ def logged() -> Iterator[Callable[[Literal["text", "json"]], None]]:
 
 
 @pytest.mark.parametrize("way", ["text", "json"])
-def test_a_log_without_an_output(
-    way: Literal["text", "json"], logged: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_without_an_output(way: str, logged: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """A program whose output was closed when it began (`>&-`) says nothing, and goes on."""
     logged(way)
     monkeypatch.setattr("sys.stdout", None)

@@ -70,9 +70,7 @@ def _keys(value: Any) -> set[str]:  # noqa: ANN401 - JSON
 
 
 @pytest.mark.parametrize("run", RUNS)
-def test_keys_are_on_the_page_and_a_table_says_its_basis(
-    run: str, folders: dict[str, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_keys_are_on_the_page_with_a_basis(run: str, folders: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """With --json every key is in its program's row; without it a table says what its figures rest on.
 
     The table is printed of what was computed for the JSON: the same work is not done twice.
@@ -83,8 +81,7 @@ def test_keys_are_on_the_page_and_a_table_says_its_basis(
     if basis:
         work = getattr(experiment, name)
         monkeypatch.setattr(experiment, name, lambda *given, **more: done.append(work(*given, **more)) or done[-1])
-    printed = _printed(arguments)
-    row = ROWS[f"evaluate {arguments[1]}"]
+    printed, row = _printed(arguments), ROWS[f"evaluate {arguments[1]}"]
     assert sorted(key for key in _keys(printed) if f"`{key}`" not in row) == []
     if basis:
         monkeypatch.setattr(experiment, name, lambda *_, **__: done.pop(0))

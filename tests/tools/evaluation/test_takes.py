@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import SMALL_CLASSES, ran, small_library
+from programs import SMALL_CLASSES, motions_of, ran, small_library
 from synthetic import stick_clip
 from written import trc_text, write_take
 
@@ -100,8 +100,7 @@ def test_a_table_lists_the_classes_in_takes(folder: Path) -> None:
 def test_a_segment_is_cut_to_its_movement(rate: float) -> None:
     """A second of movement in five of standing is kept, with an eighth of a second before and a sixth behind it."""
     times = np.arange(round(6 * rate)) / rate
-    gone = np.clip(times - 3.0, 0.0, 1.0)
-    positions = np.zeros((len(times), 6, 3)) + gone[:, None, None]
+    positions = np.zeros((len(times), 6, 3)) + np.clip(times - 3.0, 0.0, 1.0)[:, None, None]
     clip = replace(stick_clip("bow", frames=len(times), rate=rate), positions=positions + np.eye(6, 3))
     first, last = moved(clip, Segment(1.0, 6.0, "bow"))
     assert first / rate == pytest.approx(3.0 - 0.13, abs=0.08)
@@ -112,10 +111,8 @@ def test_a_segment_is_cut_to_its_movement(rate: float) -> None:
 
 def test_segments_that_teach_do_not_ask() -> None:
     """A squat is asked behind the one that teaches: words in the first and in a repeated command count neither way."""
-    squat, arms, other = (
-        next(each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (name, "bd"))
-        for name in ("squat1Reps", "rotateArmsBothBackward1Reps", "kickLFront1Reps")
-    )
+    names = ("squat1Reps", "rotateArmsBothBackward1Reps", "kickLFront1Reps")
+    squat, arms, other = (motions_of(name)[0] for name in names)
     order = [squat, arms, other, arms, squat]
     labels = ["squat", "arms", "kick", "repeated", "squat"]
     ends = np.cumsum([each.duration for each in order]).tolist()
@@ -179,8 +176,7 @@ def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: paper.Sp
             paper.Space.POSITIONS: clip.positions.reshape(clip.frames, 93),
             paper.Space.ROTATIONS: clip.rotations,
         }
-        _, expected = naive.first_axis_by_svd(numbers[space])
-        assert abs(axis @ expected) == pytest.approx(1.0, abs=1e-9)
+        assert abs(axis @ naive.first_axis_by_svd(numbers[space])) == pytest.approx(1.0, abs=1e-9)
         assert abs(raw @ np.linalg.svd(numbers[space])[2][0]) == pytest.approx(1.0, abs=1e-9)
 
 
@@ -234,11 +230,10 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
 def takes_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Motions of two persons as takes: squats are known, sneaking is not."""
     folder = tmp_path_factory.mktemp("takes")
-    library = MotionLibrary.builtin()
     table = "file,subject,contains,perhaps\n"
     for name, contains in (("squat1Reps", "squat1Reps"), ("sneak2StepsLStart", "")):
         for actor in ("mm", "tr"):
-            clip = next(each for each in library.motions if (each.class_name, each.actor) == (name, actor))
+            clip = motions_of(name, actor)[0]
             text = trc_text(clip.skeleton.joints, clip.positions, rate=clip.frame_rate, unit="m")
             (folder / f"{name}_{actor}.trc").write_text(text, encoding="utf-8")
             table += f"{name}_{actor}.trc,{actor},{contains},\n"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from golden import message
-from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, ran, small_library, started
+from programs import LOOPBACK, PATIENCE, ROOT, builtin_library, free_udp_port, key_folders, python, ran, started
 from written import write_clips
 
 from kinespace.library import MotionLibrary
@@ -25,7 +25,6 @@ from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.stream.outputs import NativeLayout
 from kinespace.stream.outputs.layouts import WrittenLayout
 from kinespace.stream.recognition import Done
-from kinespace.stream.zeromq.keys import make_keys
 
 EXAMPLES = ROOT / "tools" / "examples"
 #: The class that the examples' motion is of.
@@ -92,26 +91,17 @@ def test_an_example_gets_its_class(language: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_python_gets_answers_with_keys(tmp_path: Path) -> None:
     """The keyed client is let in and gets the class of its own motion; no other client gets the answers."""
-    stage, client = tmp_path / "stage", tmp_path / "client"
-    for folder in (stage, client):
-        make_keys(folder, folder.name)
-    shutil.copy(client / "client.key", stage)
-    shutil.copy(stage / "stage.key", client)
+    stage, client = key_folders(tmp_path, "stage", "client")
     endpoint = f"tcp://{LOOPBACK}:*"
     options = ("--zmq-in", endpoint, "--zmq-out", endpoint, "--keys", stage, "--signature", "paper", "--plain")
     with started("live", *options) as program:
         addresses = program.expect(r"listening on ZeroMQ (\S+); answering to ZeroMQ (\S+);").groups()
-        script = [sys.executable, "-W", "error", EXAMPLES / "python_zeromq_keys.py", *addresses]
-        done = subprocess.run(
-            [*script, client / "client.key_secret", client / "stage.key", "2"],
-            capture_output=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-        assert (done.returncode, done.stderr) == (0, b"")
+        keys = client / "client.key_secret", client / "stage.key"
+        done = python("-W", "error", EXAMPLES / "python_zeromq_keys.py", *addresses, *keys, 2)
+        assert (done.returncode, done.stderr) == (0, "")
         assert program.interrupt() == 0
         assert "malformed" not in program.output
-    assert f"python: {SQUAT} starts" in done.stdout.decode()
+    assert f"python: {SQUAT} starts" in done.stdout
 
 
 @pytest.mark.slow
@@ -233,7 +223,7 @@ def test_what_the_nodes_send_is_a_body(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_notebook_goes_from_files_to_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It prints the paper's table as `evaluate retrieval` has it, draws two figures and keeps a taught library."""
     import matplotlib.pyplot as plt  # noqa: PLC0415 - it takes a second, which the other tests need not wait
@@ -255,7 +245,7 @@ def test_the_notebook_goes_from_files_to_figures(
             exec("".join(cell["source"]), names)  # noqa: S102 - our own cells
         if drawn:
             # The cells with a live feed, and with a library of one's own, get few motions: they open fast.
-            names |= {"library": small_library(), "clips": small_library().motions}
+            names |= {"library": small_library, "clips": small_library.motions}
     printed = capsys.readouterr().out
     assert "288 motions of 11 classes by 5 persons" in printed
     assert re.search(r"any other +95\.8\nanother person's +90\.6\n", printed)

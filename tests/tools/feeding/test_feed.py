@@ -44,7 +44,6 @@ class FakeTime:
 
     now: float = 1000.0
     oversleep: float = 0.003
-    slept: float = 0.0
 
     def perf_counter(self) -> float:
         """Read the clock."""
@@ -54,7 +53,6 @@ class FakeTime:
         """Let time pass."""
         assert seconds > 0
         self.now += seconds + self.oversleep
-        self.slept += seconds
 
 
 def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,8 +62,7 @@ def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     pace = Pace()
     for index in range(1, 10_001):
         pace.wait_for(index / 120)
-        lateness = clock.now - (1000.0 + index / 120)
-        assert -1e-9 <= lateness <= clock.oversleep + 1e-9
+        assert -1e-9 <= clock.now - (1000.0 + index / 120) <= clock.oversleep + 1e-9
 
 
 def answer(label: str, score: float) -> Answer:
@@ -87,9 +84,6 @@ def test_answers_find_their_frames_and_the_missing_are_counted(arrived: list[boo
 @pytest.mark.slow
 def test_an_error_in_the_process_is_raised_here() -> None:
     """An error in the other process is raised in this one, and no process or socket stays behind."""
-    with (
-        pytest.raises(ValueError, match="most: expected 1 to 10000 performers, got 0"),
-        background_service("osc", performers=0),
-    ):
+    with pytest.raises(ValueError, match="most: expected 1 to 10000"), background_service("osc", performers=0):
         pytest.fail("started without room for anybody")
     assert multiprocessing.active_children() == []

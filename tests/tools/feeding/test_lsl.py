@@ -52,15 +52,13 @@ def test_scores_and_events_come_by_lsl_with_its_own_clock() -> None:
     with closing(LslSink()) as sink:
         sink.send(_answer(100.0))
         scores, events = _inlet("kinespace-ann"), _inlet("kinespace-events")
-        labels = scores.info().get_channel_labels()
-        assert labels == [*CLASSES, *FURTHER]
+        assert scores.info().get_channel_labels() == [*CLASSES, *FURTHER]
         sink.send(_answer(101.0))
         now = pylsl.local_clock()
         sink.send(Event("ann", EventKind.START, "jump", 1, 0.75, 100.5))
         sink.send(Done("ann", "jump", 1, 99.0, 1.5, 0.875, 1.25, 0.75, 3))
         sample, _ = scores.pull_sample(timeout=PATIENCE)
-        answered = _answer(0.0)
-        assert sample == pytest.approx([0.25, 0.75, 1.0, answered.margin, 0.5, 1.25, 0.75])
+        assert sample == pytest.approx([0.25, 0.75, 1.0, _answer(0.0).margin, 0.5, 1.25, 0.75])
         for text, before in (("start jump ann", 0.5), ("done jump ann", 0.5)):
             (got,), stamp = events.pull_sample(timeout=PATIENCE)
             assert got == text

@@ -80,9 +80,7 @@ def test_the_demo_names_every_motion() -> None:
 
 
 @pytest.mark.usefixtures("fast")
-def test_a_recogniser_that_knows_other_names_is_not_right(
-    small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recogniser_of_other_names_is_wrong(small_library: MotionLibrary, monkeypatch: pytest.MonkeyPatch) -> None:
     """Answers other than the expected ones do not count: no motion is right, and the status is 1."""
     other = small_library.renamed({name: f"not {name}" for name in small_library.classes})
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: small_library)

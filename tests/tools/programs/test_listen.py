@@ -11,6 +11,7 @@ from golden import LAYOUTS, bundle, message, moments
 from programs import LOOPBACK, free_udp_port, ghost_cues, ran, started
 from skeletons import names_of
 
+from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
 from kinespace.stream.feeds.preset import parse_preset
@@ -78,13 +79,10 @@ def test_silence_and_foreign_packets_have_messages() -> None:
 def test_the_program_gives_json() -> None:
     """One object with the feed, its joints and every kind of message; packets come until it ends."""
     port, positions = free_udp_port(), cycle([cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]])
-    with (
-        started("listen", port, "--seconds", 1.5, "--json") as program,
-        closing(osc.OscSender(LOOPBACK, port)) as sender,
-    ):
+    with started("listen", port, "--seconds", 1.5, "--json") as program, closing(osc.OscSender(LOOPBACK, port)) as out:
         for _, packets in moments("qtm", positions):
             for packet in packets:
-                sender.send(packet)
+                out.send(packet)
             with suppress(subprocess.TimeoutExpired):
                 program.process.wait(1 / 30)
                 break
@@ -136,11 +134,7 @@ def test_a_sender_of_some_joints_lacks_none(known: int) -> None:
 
 @pytest.mark.parametrize(
     ("joints", "title", "ours"),
-    [
-        (names_of("mixamo"), "Mixamo", 29),
-        (names_of("smpl"), "SMPL", 22),
-        (builtin_preset("native").joints[:12], "", 12),
-    ],
+    [(names_of("mixamo"), "Mixamo", 29), (names_of("smpl"), "SMPL", 22), (SKELETON.joints[:12], "", 12)],
 )
 def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], title: str, ours: int) -> None:
     """A feed with known names, or with some of our joints, needs no change."""
@@ -165,9 +159,6 @@ def test_bones_that_never_came_are_named() -> None:
     assert any(line.startswith("bones that never came, and stay at rest: ") for line in advice(survey, guess, None))
 
 
-NATIVE = builtin_preset("native")
-
-
 @pytest.mark.parametrize(
     ("preset", "feed", "place", "expected"),
     [
@@ -180,5 +171,4 @@ NATIVE = builtin_preset("native")
 )
 def test_the_command_names_the_port(preset: str, feed: str | None, place: tuple[str, int], expected: str) -> None:
     """The command for recognition can be pasted: it listens on the same port."""
-    guess = _heard(NATIVE.joints).looked_at_as(builtin_preset(preset))
-    assert command(guess, feed, place) == expected
+    assert command(_heard(SKELETON.joints).looked_at_as(builtin_preset(preset)), feed, place) == expected

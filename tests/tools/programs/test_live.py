@@ -47,8 +47,7 @@ def test_every_frame_is_answered_that_is_due() -> None:
     with live("--plain", "--zmq-out", f"tcp://{LOOPBACK}:*", "--bodies") as stage:
         stage.sender.announce(Announcement("ghost", builtin_library().skeleton.joints))
         stage.play(cues)
-        answers = stage.answers(len(expected))
-        counts = stage.stopped()
+        answers, counts = stage.answers(len(expected)), stage.stopped()
     assert [answer.label for answer in answers] == expected
     assert {answer.performer for answer in answers} == {"ghost"}
     lost = {name: 0 for name in counts if name not in ("received", "frames", "answers")}
@@ -88,14 +87,11 @@ def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pyt
     assert abs(datetime.fromisoformat(starts[0]["time"]) - datetime.now(UTC)) < timedelta(minutes=5)
 
 
-PLACE = "127.0.0.1", 9310
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("layout", "run"), [("vmc", "--feed vmc"), ("osceleton", "--feed osceleton")])
 def test_a_known_feed_is_named_with_the_command_that_reads_it(layout: str, run: str) -> None:
     """As `listen` says it, with the port that the packets come to; after a silence nothing is said."""
-    unread = Unread(PLACE, None)
+    unread = Unread((LOOPBACK, 9310), None)
     positions = [cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]]
     for arrival, packets in moments(layout, islice(cycle(positions), 60)):
         for packet in packets:

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 import zmq
 from fakes import FakeSink
-from programs import PATIENCE, until
+from programs import PATIENCE, motions_of, two_of_each, until
 
 from kinespace.library import Clip, MotionLibrary, Skeleton, WindowIndex, library_file
 from kinespace.stream import Announcement, Event, EventKind, Frame, Performers, Recognition, Settings
@@ -41,10 +40,8 @@ FURTHER_JOINTS = ("fingers", "thumb", "wrist", "clavicle", "upperback", "upperne
 @pytest.fixture(scope="module")
 def library() -> MotionLibrary:
     """Give two motions of each of three classes by each of three persons, which are opened quickly."""
-    whole, few = MotionLibrary.builtin(), list[Clip]()
-    for named in product(("squat1Reps", "kickLFront1Reps", "grabHighR"), ("bk", "dg", "mm")):
-        few += [each for each in whole.motions if (each.class_name, each.actor) == named][:2]
-    return replace(whole, motions=tuple(few))
+    few = two_of_each(("squat1Reps", "kickLFront1Reps", "grabHighR"), ("bk", "dg", "mm"))
+    return replace(MotionLibrary.builtin(), motions=few)
 
 
 class Stage:
@@ -68,11 +65,6 @@ class Stage:
         """Carry out a command."""
         return self.lessons.carry_out(Asked(command))
 
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """The classes of the answers."""
-        return self.lessons.classes
-
     def until(self, enough: Callable[[FakeSink], bool]) -> FakeSink:
         """Wait until the listener has heard enough."""
         until(lambda: (self.lessons.tend(time.monotonic()), enough(self.heard))[1])
@@ -89,21 +81,23 @@ def stage(tmp_path: Path, library: MotionLibrary) -> Iterator[Stage]:
 
 def _show(stage: Stage, begin: float, class_name: str, take: int = 0, joints: Sequence[int] = range(31)) -> list[str]:
     """Show a motion between stillnesses by some joints; give the classes that started."""
-    own = [each for each in MotionLibrary.builtin().motions if (each.class_name, each.actor) == (class_name, "bd")]
-    motion = own[take].positions
+    motion = motions_of(class_name)[take].positions
     shown = [each[joints] for each in (*[motion[0]] * 60, *motion, *[motion[-1]] * 60)]
     answers = [stage.push(Frame("ann", begin + place / 60, each)) for place, each in enumerate(shown)]
     return [event.label for each in answers if each for event in each.events if event.kind == "start"]
 
 
 def _teach(stage: Stage, begin: float, name: str, class_name: str, joints: Sequence[int] = range(31)) -> None:
+    """Show an example, and wait until it is taught."""
     # On a busy machine the last frames may be old: the performer who is taught must be present.
     stand = MotionLibrary.builtin().motions[0].positions[0][joints]
     for place in range(10):
         stage.push(Frame("ann", begin - 1 + place / 60, stand))
+    done = stage.heard.steps().count(Step.DONE)
     stage.command(commands.Teach("ann", name, 1, 0.0))
     stage.lessons.tend(time.monotonic())
     _show(stage, begin, class_name, 0, joints)
+    stage.until(lambda heard: heard.steps().count(Step.DONE) > done)
 
 
 @pytest.mark.slow
@@ -111,18 +105,16 @@ def test_a_class_is_taught_recognised_and_saved(stage: Stage, library: MotionLib
     """It comes behind the classes that were there, starts when it is shown, is in the file and there the next time."""
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
-    heard = stage.until(lambda heard: Step.DONE in heard.steps())
-    assert stage.classes == (*library.classes, "my squat")
-    assert heard.of(tuple)[-1] == stage.classes
-    assert [each.class_name for each in heard.of(Taught)] == ["my squat"]
+    assert stage.lessons.classes == stage.heard.of(tuple)[-1] == (*library.classes, "my squat")
+    assert [each.class_name for each in stage.heard.of(Taught)] == ["my squat"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
     stage.command(commands.Rename("my squat", "bend"))
-    stage.until(lambda _: stage.classes[-1] == "bend")
+    stage.until(lambda _: stage.lessons.classes[-1] == "bend")
     stage.lessons.close()
     assert MotionLibrary.load(tmp_path / "mine.npz").classes == ("bend",)
-    assert stage.classes == (*library.classes, "bend")
+    assert stage.lessons.classes == (*library.classes, "bend")
     again = Stage(tmp_path / "mine.npz", library)
-    assert again.classes == stage.classes
+    assert again.lessons.classes == stage.lessons.classes
     assert _show(again, 20, "squat1Reps", 1)[:1] == ["bend"]
     again.lessons.close()
 
@@ -135,7 +127,6 @@ def test_what_is_taught_is_tried_on_the_last_minutes(stage: Stage) -> None:
     _show(stage, 20, "squat1Reps", 2)
     for begin in (30, 40):
         _teach(stage, begin, "my squat", "squat1Reps")
-        stage.until(lambda heard, many=1 + begin // 40: heard.steps().count(Step.DONE) == many)  # type: ignore[misc]
     first, second = (each.tried for each in stage.heard.of(Taught))
     assert (first.done, second.done) == (2, 2)
     assert (first.seconds, second.seconds) == (pytest.approx(30.0, abs=1.5), pytest.approx(40.0, abs=1.5))
@@ -152,15 +143,13 @@ def test_nothing_alone_is_no_library(tmp_path: Path) -> None:
     """Taught first, without a library, it answers nobody, also the next time; behind it a gesture is known."""
     stage = Stage(tmp_path / "mine.npz", None)
     _teach(stage, 0, "nothing", "kickLFront1Reps")
-    stage.until(lambda heard: Step.DONE in heard.steps())
-    assert (_show(stage, 20, "kickLFront1Reps"), stage.lessons.answers, stage.classes) == ([], False, ())
+    assert (_show(stage, 20, "kickLFront1Reps"), stage.lessons.answers, stage.lessons.classes) == ([], False, ())
     stage.lessons.close()
     with pytest.raises(ValueError, match="library: expected a class besides 'nothing', got none"):
         Performers(MotionLibrary.load(tmp_path / "mine.npz"))
     again = Stage(tmp_path / "mine.npz", None)
     assert (_show(again, 0, "kickLFront1Reps"), again.lessons.answers) == ([], False)
     _teach(again, 20, "my squat", "squat1Reps")
-    again.until(lambda heard: Step.DONE in heard.steps())
     assert _show(again, 40, "squat1Reps", 1)[:1] == ["my squat"]
     again.lessons.close()
 
@@ -172,14 +161,12 @@ def test_nothing_that_holds_a_gesture_is_told(tmp_path: Path) -> None:
     shown = [("my squat", "squat1Reps"), ("nothing", "kickLFront1Reps"), ("nothing", "squat1Reps")]
     for count, (name, class_name) in enumerate(shown, start=1):
         _teach(stage, 20 * count, name, class_name)
-        stage.until(lambda heard, count=count: heard.steps().count(Step.DONE) == count)  # type: ignore[misc]
     _, good, bad = (each.words for each in stage.heard.of(Taught))
     assert (good, bad) == ("good", told := "my squat is in it: undo it, and move without your gestures")
     stage.command(commands.Undo())
     stage.lessons.close()
     again = Stage(tmp_path / "mine.npz", None)
     _teach(again, 20, "nothing", "squat1Reps")
-    again.until(lambda heard: Step.DONE in heard.steps())
     assert [each.words for each in again.heard.of(Taught)] == [told]
     again.lessons.close()
 
@@ -190,7 +177,7 @@ def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(lessons, "_TRIED_FOR", 0.0)
     _show(stage, 0, "squat1Reps", 1)
     _teach(stage, 10, "my squat", "squat1Reps")
-    (taught,) = stage.until(lambda heard: Step.DONE in heard.steps()).of(Taught)
+    (taught,) = stage.heard.of(Taught)
     assert 0.0 < taught.tried.seconds < 1.0
     assert taught.tried.words == "done not once in 0 s of your movement before"
 
@@ -206,7 +193,7 @@ def test_a_full_disk_loses_nothing(stage: Stage, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(library_file, "write", full)
     _show(stage, 0, "kickLFront1Reps")
     _teach(stage, 10, "my squat", "squat1Reps")
-    heard = stage.until(lambda heard: {Step.DONE, Step.REFUSED} <= set(heard.steps()))
+    heard = stage.until(lambda heard: Step.REFUSED in heard.steps())
     told = [each.reason for each in heard.of(State) if each.step is Step.REFUSED]
     assert told == ["mine.npz was not saved: No space left on device; the taught motions are still in memory"]
     assert _show(stage, 20, "squat1Reps", 1)[:1] == ["my squat"]
@@ -298,12 +285,9 @@ def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLi
     stage = Stage(tmp_path / "mine.npz", library if beside else None)
     kept = [place for place, name in enumerate(library.skeleton.joints) if not name.endswith(FURTHER_JOINTS)]
     assert len(kept) == 20
-    joints = tuple(library.skeleton.joints[place] for place in reversed(kept))
-    stage.push(Announcement("ann", joints))
+    stage.push(Announcement("ann", tuple(library.skeleton.joints[place] for place in reversed(kept))))
     _teach(stage, 10, "my squat", "squat1Reps", kept[::-1])
-    stage.until(lambda heard: Step.DONE in heard.steps())
     _teach(stage, 20, "my kick", "kickLFront1Reps", kept[::-1])
-    stage.until(lambda heard: heard.steps().count(Step.DONE) == 2)
     assert _show(stage, 30, "squat1Reps", 1, kept[::-1])[:1] == ["my squat"]
     stage.lessons.close()
     saved = MotionLibrary.load(tmp_path / "mine.npz").motions[0]
@@ -313,8 +297,7 @@ def test_a_performer_with_fewer_joints_is_taught(beside: bool, library: MotionLi
 
 def test_a_performer_whose_joints_cannot_be_compared_is_told_so(stage: Stage, library: MotionLibrary) -> None:
     """Teaching a performer with too few of the library's joints is refused with the reason."""
-    joints = library.skeleton.joints[:3]
-    stage.push(Announcement("bob", joints))
+    stage.push(Announcement("bob", library.skeleton.joints[:3]))
     for place in range(8):
         stage.push(Frame("bob", place / 60, np.ones((3, 3))))
     for command, told in (
@@ -348,11 +331,16 @@ def test_a_stranger_at_the_control_learns_nothing(
     stage.lessons.close()
 
 
+def _keys(*classes: str, asked: Callable[[Asked], object] = print) -> tuple[Keys, SimpleNamespace, SimpleNamespace]:
+    """Give the keys of a program, what they read of its lessons, and its table."""
+    lessons = SimpleNamespace(classes=[*classes], performers=SimpleNamespace(names=("ann", "bob")))
+    shown = SimpleNamespace(hint=HINT)
+    return Keys(lessons, shown, asked), lessons, shown  # type: ignore[arg-type]  # as read
+
+
 def test_the_commands_of_keys() -> None:
     """New motions are numbered, held ones too; the last name was right, or wrong; a number chooses who is taught."""
-    lessons = SimpleNamespace(classes=["squat", "motion 1"], performers=SimpleNamespace(names=("ann", "bob")))
-    shown = SimpleNamespace(hint=HINT)
-    keys = Keys(lessons, shown, print)  # type: ignore[arg-type]  # as read
+    keys, lessons, shown = _keys("squat", "motion 1")
     assert keys.command_of("t") == commands.Teach("", "motion 2")
     lessons.classes.append("motion 2")
     assert keys.command_of("a") == commands.Teach("", "motion 2")
@@ -373,11 +361,10 @@ def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
     import termios  # noqa: PLC0415 - as above
 
     asked = list[Asked]()
-    lessons = SimpleNamespace(classes=[], performers=SimpleNamespace(names=()))
     keyboard, terminal = pty.openpty()
     with os.fdopen(keyboard, "wb", 0) as hands, os.fdopen(terminal, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
-        with Keys(lessons, SimpleNamespace(hint=""), asked.append):  # type: ignore[arg-type]  # as read
+        with _keys(asked=asked.append)[0]:
             # Until then whatever is typed is thrown away.
             until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)
             hands.write(b"t\xff=" + "wéve\n".encode())
@@ -387,9 +374,7 @@ def test_keys_that_come_together(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_motion_is_named_by_keys() -> None:
     """Letters are its name until Enter, then examples go on by it; Escape leaves the old one."""
-    lessons = SimpleNamespace(classes=["motion 1"], performers=SimpleNamespace(names=("ann",)))
-    shown = SimpleNamespace(hint=HINT)
-    keys = Keys(lessons, shown, print)  # type: ignore[arg-type]  # as read
+    keys, _, shown = _keys("motion 1")
     assert keys.command_of("=") is None
     keys.command_of("t")
     assert [keys.command_of(key) for key in "=hix\x7f t"] == [None] * 7
@@ -440,9 +425,7 @@ def test_the_newest_roster_is_saved_at_the_end(tmp_path: Path, motion: Clip, mon
     assert sorted(each.name for each in tmp_path.iterdir()) == [".mine.npz.lock", "mine.npz"]
 
 
-def test_what_cannot_be_deleted_is_said_and_tried_again(
-    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_deleted_is_tried_again(tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
     """The thread that writes goes on when the file of new examples cannot be deleted, and all is written later."""
     file, unlink, refused = RosterFile(tmp_path / "mine.npz"), Path.unlink, list[Path]()
 
@@ -512,9 +495,7 @@ def test_other_programs_that_write_a_library_ask_the_lock(tmp_path: Path, motion
     assert MotionLibrary.load(path).classes == ("built",)
 
 
-def test_new_examples_survive_before_the_file_is_written(
-    tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_new_examples_survive_an_unwritten_file(tmp_path: Path, motion: Clip, monkeypatch: pytest.MonkeyPatch) -> None:
     """They lie beside the file, readers find them, and they come into it when it is quiet, or with another change."""
     path, new = tmp_path / "mine.npz", tmp_path / ".mine.npz.new"
     _saved(path, _roster(motion, "bow", "wave"))
@@ -563,8 +544,7 @@ def test_a_file_that_loses_examples_is_kept(tmp_path: Path, motion: Clip) -> Non
 @pytest.mark.slow
 def test_a_richer_library_keeps_what_is_not_touched(tmp_path: Path, motion: Clip) -> None:
     """Further joints, names, and learned numbers stay; what is undone leaves it as it was."""
-    path = tmp_path / "mine.npz"
-    builtin = MotionLibrary.builtin()
+    path, builtin = tmp_path / "mine.npz", MotionLibrary.builtin()
     classes = ("squat1Reps", "kickLFront1Reps")
     rich = builtin.without(classes=[name for name in builtin.classes if name not in classes])
     skeleton = Skeleton((*rich.skeleton.joints, "prop"))

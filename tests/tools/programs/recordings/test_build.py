@@ -3,15 +3,14 @@
 import csv
 import json
 import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, Program, ran, started, until
+from programs import LOOPBACK, ran, started, until
 from synthetic import ARM, TinyBone, amc_text
 from written import JOINTS, SWINGS, write_clip, write_clips
 
@@ -32,8 +31,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 def test_a_folder_becomes_a_library(tmp_path: Path) -> None:
     """Every recording under a folder is a motion of its class, the same as built from the clips by hand."""
     (tmp_path / "cut").mkdir()
-    paths = write_clips(tmp_path / "cut")
-    output = tmp_path / "mine.npz"
+    paths, output = write_clips(tmp_path / "cut"), tmp_path / "mine.npz"
     status, printed, _ = ran("build", tmp_path / "cut", "-o", output)
     built = MotionLibrary.load(output)
     assert built.classes == tuple(sorted(SWINGS))
@@ -250,16 +248,6 @@ def test_an_archive_of_130_classes_is_built_and_compared(tmp_path: Path) -> None
 # --- record: packets replayed bit for bit, described, converted -------------------------------------------------------
 
 
-@contextmanager
-def recording(path: Path, *options: object) -> Iterator[tuple[Program, osc.OscSender]]:
-    """Run `kinespace record` on a port chosen by the system, and a sender to it."""
-    with started("record", path, "--osc-in", f"{LOOPBACK}:0", *options) as program:
-        port = int(program.expect(r"recording osc 127\.0\.0\.1:(\d+)")[1])
-        sender = osc.OscSender(LOOPBACK, port)
-        yield program, sender
-        sender.close()
-
-
 def datagrams(count: int) -> list[bytes]:
     """Make packets that cannot be confused, some of them no OSC."""
     positions = np.arange(18, dtype=np.float32).reshape(6, 3)
@@ -269,42 +257,32 @@ def datagrams(count: int) -> list[bytes]:
     ]
 
 
-def written(path: Path, *packets: RawPacket, sources: tuple[str, ...] = ("osc here",)) -> Path:
-    """Write a recording as a crash would leave it: never closed, which makes no difference."""
-    path.write_bytes(encode_header(RawHeader("now", sources)) + b"".join(map(encode_packet, packets)))
-    return path
-
-
-def received(receiver: osc.OscReceiver, count: int) -> list[bytes]:
-    """Take in so many datagrams."""
-    got: list[bytes] = []
-    until(lambda: got.extend(iter(receiver.receive, None)) or len(got) >= count)
-    return got
-
-
 # --- recording ---------------------------------------------------------------------------------------------------
 
 
-def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, stage: osc.OscReceiver) -> None:
+def test_recorded_packets_are_replayed_bit_for_bit(tmp_path: Path, receiver: osc.OscReceiver) -> None:
     """Every packet, also a malformed one, is kept in order and sent again unchanged, to another port and faster."""
     path, sent = tmp_path / "a.kinerec", datagrams(200)
-    with recording(path) as (program, sender):
-        for datagram in sent:
-            sender.send(datagram)
-            time.sleep(0.001)
+    with started("record", path, "--osc-in", f"{LOOPBACK}:0") as program:
+        port = int(program.expect(r"recording osc 127\.0\.0\.1:(\d+)")[1])
+        with closing(osc.OscSender(LOOPBACK, port)) as sender:
+            for datagram in sent:
+                sender.send(datagram)
+                time.sleep(0.001)
         until(lambda: len(list(RawFile(path).packets())) >= 200)
-        assert program.interrupt() == 0
-        assert program.errors == ""
+        assert (program.interrupt(), program.errors) == (0, "")
         assert "200 packets" in program.output
     packets = list(RawFile(path).packets())
     assert [packet.parts for packet in packets] == [(datagram,) for datagram in sent]
     assert len({packet.sender for packet in packets}) == 1
     # A process that is held between two looks at a clock dates a packet a little early.
     assert all(first.arrival <= second.arrival + 0.5 for first, second in pairwise(packets))
-    status, printed, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{stage.address[1]}", "--speed", 4, "--json")
+    status, printed, _ = ran("replay", path, "--osc", f"{LOOPBACK}:{receiver.address[1]}", "--speed", 4, "--json")
     told = dict.fromkeys(("left_out", "failed", "unheard"), 0) | {"sent": 200, "lost_from": None}
     assert (status, json.loads(printed)) == (0, told)
-    assert received(stage, 200) == sent
+    got = list[bytes]()
+    until(lambda: got.extend(iter(receiver.receive, None)) or len(got) >= 200)
+    assert got == sent
 
 
 def test_a_packet_that_is_dated_before_the_first_is_sent() -> None:
@@ -324,7 +302,10 @@ def a_recording(path: Path) -> Path:
     events += [Frame("bob", 0.0, frames[0, :4]), Announcement("ann", JOINTS[::-1])]
     events += [Frame("ann", 4.0, frames[3, ::-1]), Frame("ann", 5.0, frames[4, :5])]
     encoded = [osc.encode_frame(e) if isinstance(e, Frame) else osc.encode_announcement(e) for e in events]
-    return written(path, *(RawPacket(index / 8, 0, "x:1", (each,)) for index, each in enumerate(encoded)))
+    packets = [encode_packet(RawPacket(index / 8, 0, "x:1", (each,))) for index, each in enumerate(encoded)]
+    # As a crash would leave it: never closed, which makes no difference.
+    path.write_bytes(encode_header(RawHeader("now", ("osc here",))) + b"".join(packets))
+    return path
 
 
 def test_info_describes_a_recording(tmp_path: Path) -> None:

@@ -2,23 +2,18 @@
 
 import json
 import re
-import threading
 from argparse import Namespace
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from programs import LOOPBACK, PATIENCE, free_udp_port, ran, small_library
+from programs import LOOPBACK, free_udp_port, ran, small_library, started
 from written import write_clip, write_clips
 
-from kinespace.library import MotionLibrary, Reading, opened, read_recordings
-from kinespace.stream import Announcement, Frame, Performers, Recognizer, osc
-from kinespace.stream.inputs import OscDecoder, Source
-from kinespace.stream.outputs import LayoutSink, NativeLayout
-from kinespace.stream.service.loop import Service
+from kinespace.library import MotionLibrary, Reading, read_recordings
+from kinespace.stream import Announcement, Frame, Recognizer, osc
 from kinespace.tools.feeding.feed import clip_cues, piece_cues
 from kinespace.tools.programs.replay import pieces_of
 
@@ -66,26 +61,11 @@ def frames_in(events: Iterable[Frame | Announcement]) -> list[Frame]:
     return [event for event in events if isinstance(event, Frame)]
 
 
-@contextmanager
-def recognising(library: MotionLibrary, source: object, sink: object) -> Iterator[Service]:
-    """Run a service in a thread of this process, with a library that is open before the first frame comes."""
-    service = Service(Performers(opened(library)), [source], [sink])  # type: ignore[list-item]  # of either transport
-    thread = threading.Thread(target=service.run)
-    thread.start()
-    try:
-        yield service
-    finally:
-        service.stop()
-        thread.join(PATIENCE)
-        source.close()  # type: ignore[attr-defined]  # as any source
-        sink.close()  # type: ignore[attr-defined]  # as any sink
-
-
-def test_a_clip_is_sent_as_live_packets(stage: osc.OscReceiver, take: Path) -> None:
+def test_a_clip_is_sent_as_live_packets(receiver: osc.OscReceiver, take: Path) -> None:
     """The joints are announced first; then every frame comes in order with its time and its positions as float32."""
     said = "sending 1 recording\n180 frames sent, 0 refused by the system\n"
-    assert replay(take, "--osc", target(stage), "--performer", "me")[:2] == (0, said)
-    events = received(stage)
+    assert replay(take, "--osc", target(receiver), "--performer", "me")[:2] == (0, said)
+    events = received(receiver)
     (clip,) = read_recordings([take])
     assert events[0] == Announcement("me", clip.skeleton.joints)
     frames = frames_in(events)
@@ -108,30 +88,29 @@ def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) ->
 
 
 def test_a_class_of_the_built_in_library_can_be_named(
-    stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    receiver: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A class's name plays that class, beside other classes, cut as a recording is; a path of that name goes before."""
     library = small_library().without(actors=("bd", "dg"))
     monkeypatch.setattr(MotionLibrary, "builtin", lambda: library)
     squats = [motion for motion in library.motions if motion.class_name == "squat1Reps"]
-    assert replay("squat1Reps", "--osc", target(stage))[0] == 0
-    assert len(frames_in(received(stage))) == sum(motion.frames for motion in squats)
-    assert replay("squat1Reps", "--osc", target(stage), "--from", 0.2, "--to", 0.5)[0] == 0
-    frames = frames_in(received(stage))
+    assert replay("squat1Reps", "--osc", target(receiver))[0] == 0
+    assert len(frames_in(received(receiver))) == sum(motion.frames for motion in squats)
+    assert replay("squat1Reps", "--osc", target(receiver), "--from", 0.2, "--to", 0.5)[0] == 0
+    frames = frames_in(received(receiver))
     np.testing.assert_array_equal(frames[0].positions, squats[0].positions[12].astype(np.float32))
     assert len(frames) == 18 * len(squats)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "squat1Reps").mkdir()
     take.rename(tmp_path / "squat1Reps" / take.name)
-    assert replay("squat1Reps", "--osc", target(stage), "--asf", tmp_path / "HDM_bd.asf")[0] == 0
-    assert len(frames_in(received(stage))) == 180
+    assert replay("squat1Reps", "--osc", target(receiver), "--asf", tmp_path / "HDM_bd.asf")[0] == 0
+    assert len(frames_in(received(receiver))) == 180
 
 
 @pytest.mark.parametrize("transport", ["osc", "zmq"])
 def test_frames_that_nobody_hears_are_counted(transport: str, take: Path) -> None:
     """Where no program listens the report says so, counts the packets, and the status is 1."""
-    port = free_udp_port()
-    to = {"osc": ("--osc", f"{LOOPBACK}:{port}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
+    to = {"osc": ("--osc", f"{LOOPBACK}:{free_udp_port()}"), "zmq": ("--zmq", f"@tcp://{LOOPBACK}:*")}[transport]
     status, printed, _ = replay(take, *to)
     _, sent, unheard = printed.splitlines()
     assert (status, sent) == (1, "180 frames sent, 0 refused by the system")
@@ -146,25 +125,24 @@ def test_osc_answers_to_any_performer_are_counted(performer: str, tmp_path: Path
     """With --listen every answer is compared with the class performed, for any name of the performer."""
     take = write_clip(tmp_path, "bd", "bendLeft", 1)
     clips = list(read_recordings(write_clips(tmp_path, takes=1)))
-    library = MotionLibrary.of_clips(clips)
-    source = Source(osc.OscReceiver(LOOPBACK, 0), OscDecoder())
-    port = free_udp_port()
-    sink = LayoutSink(NativeLayout(), osc.OscSender(LOOPBACK, port))
-    to = target(source.receiver)
-    with recognising(library, source, sink):
-        arguments = (take, "--osc", to, "--listen", f"{LOOPBACK}:{port}", "--performer", performer, "--json")
+    MotionLibrary.of_clips(clips).save(tmp_path / "mine.npz")
+    heard_at = f"{LOOPBACK}:{free_udp_port()}"
+    options = ("--library", tmp_path / "mine.npz", "--osc-in", f"{LOOPBACK}:0", "--osc-out", heard_at)
+    with started("live", "--plain", *options) as program:
+        to = program.expect(r"listening on OSC (\S+);")[1]
+        arguments = (take, "--osc", to, "--listen", heard_at, "--performer", performer, "--json")
         status, printed, _ = replay(*arguments, "--speed", "2")
     described = json.loads(printed)
     assert (status, set(described)) == (0, KEYS)
     assert (described["sent"], described["failed"]) == (180, 0)
-    recognizer = Recognizer(library)
+    recognizer = Recognizer(MotionLibrary.load(tmp_path / "mine.npz"))
     answers = [(cue.class_name, recognizer.push(cue.frame)) for cue in clip_cues(clips[:1], "me")]
     right = [answer.label == performed for performed, answer in answers if answer is not None]
     assert described["answers"] == len(right) > 20
     assert described["right"] == round(sum(right) / len(right), 4)
 
 
-def test_ctrl_c_ends_the_feed_and_reports(stage: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_ends_a_feed_and_reports(receiver: osc.OscReceiver, take: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An endless feed goes through the clip again and again; Ctrl-C ends it with the report, alone, and status 0."""
     now = [0.0]
 
@@ -174,10 +152,10 @@ def test_ctrl_c_ends_the_feed_and_reports(stage: osc.OscReceiver, take: Path, mo
             raise KeyboardInterrupt
 
     monkeypatch.setattr("kinespace.tools.feeding.feed.time", SimpleNamespace(perf_counter=lambda: now[0], sleep=sleep))
-    status, printed, _ = ran("replay", take, "--osc", target(stage), "--loop", "--json")
+    status, printed, _ = ran("replay", take, "--osc", target(receiver), "--loop", "--json")
     described = json.loads(printed)
     assert (status, set(described)) == (0, KEYS)
-    frames = frames_in(received(stage))
+    frames = frames_in(received(receiver))
     assert len(frames) == described["sent"] > 400
     times = [frame.time for frame in frames]
     assert times == sorted(times)

@@ -144,18 +144,19 @@ class RosterFile:
     def _is_due(self) -> bool:
         """Say whether the file itself is to be written now."""
         if self._newest is self._in_file:
-            return self._asked
+            # A new example that was undone still lies beside the file.
+            return self._asked or self.has_unsaved
         new = None if self._asked or self._written is None else self._new(self._newest)
         return new is None or len(new) > _MOST_NEW or time.monotonic() - self._since > _QUIET
 
     def _work(self) -> None:
         while not self._ending:
-            self._wait(lambda: self._newest is not self._in_file or self._asked)
+            self._wait(lambda: self._newest is not self._in_file or self._asked or self.has_unsaved)
             self._wait(self._is_due, _LOOK)
             if self._is_due():
                 self._write()
                 self._wait(lambda: False, _AGAIN if self._failed else _TOGETHER)
-        if self._newest is not self._in_file:
+        if self._newest is not self._in_file or self.has_unsaved:
             self._write()
 
     def _write(self) -> None:

@@ -529,6 +529,20 @@ def test_new_examples_survive_an_unwritten_file(tmp_path: Path, motion: Clip, mo
     assert len(MotionLibrary.load(path)) == 8
 
 
+@pytest.mark.parametrize("is_at_once", [False, True])
+def test_an_undone_example_is_in_no_file(tmp_path: Path, motion: Clip, *, is_at_once: bool) -> None:
+    """It lay beside the file, which had all others: it goes at once, and is not there the next time."""
+    path, new, roster = tmp_path / "mine.npz", tmp_path / ".mine.npz.new", _roster(motion, "bow")
+    with closing(RosterFile(path)) as file:
+        file.save(roster, asked=True)
+        until(path.exists)
+        file.save(roster.with_example(Example(2, "kick", motion, 0.0, 0.5)))
+        until(new.exists)
+        file.save(roster)
+        until(lambda: is_at_once or not new.exists())
+    assert len(MotionLibrary.load(path)) == 1
+
+
 def test_a_file_that_loses_examples_is_kept(tmp_path: Path, motion: Clip) -> None:
     """Forgetting leaves the file as it was beside the new one, and a smaller loss does not take its place."""
     path, before = tmp_path / "mine.npz", tmp_path / "mine.before.npz"

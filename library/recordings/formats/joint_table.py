@@ -57,8 +57,7 @@ _MAX_HEAD = 2000
 _MOST_PEOPLE = 64
 #: A time of day, perhaps behind a date, with a half of the day or a zone behind; SMPTE's ends with a frame's number.
 _CLOCK = re.compile(
-    r"(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-]\d\d:?\d\d)?",
-    re.IGNORECASE,
+    r"(?i)(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-][\d:]+)?"
 )
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
 #: A time with its unit.
@@ -305,17 +304,25 @@ class _Table:
         size = len(self.places())
         several = ((column, each) for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2)
         told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several}
-        column = next((each for each in self.header.people if each in told), None)
-        if column is None and moments is not None and not (np.diff(moments) > 0).all():
-            pairs = ((each, np.stack([moments, numbers])) for each, numbers in told.items())
-            column = next((each for each, pair in pairs if np.unique(pair, axis=1).shape[1] == size), None)
-            if column is None and self._has_two_bodies(moments):
-                refuse(
-                    path, self.begin + 1, "two bodies at one time: expected a column that tells whose, like person_id"
-                )
-        if column is None:
+        ours = [each for each in self.header.people if each in told][:2]
+        times = np.arange(float(size)) if moments is None else moments
+
+        def tell(*columns: int) -> bool:
+            """Say whether rows of one time differ in some columns."""
+            return bool(np.unique(np.stack([times, *(told[each] for each in columns)]), axis=1).shape[1] == size)
+
+        # Several cameras may see each of the people.
+        columns = ours if ours[1:] and not tell(ours[0]) and tell(*ours) else ours[:1]
+        if not columns and not (np.diff(times) > 0).all():
+            columns = [each for each in told if tell(each)][:1]
+            if not columns and self._has_two_bodies(times):
+                refuse(path, self.begin + 1, "two bodies at one time: expected a column of persons, like person_id")
+        if not columns:
             return {"": np.arange(size)}
-        return {text: np.flatnonzero(told[column] == number) for text, number in self.cells[column][0].items()}
+        found, whose = np.unique(np.stack([told[each] for each in columns]), axis=1, return_inverse=True)
+        texts = [[*self.cells[each][0]] for each in columns]
+        names = ("_".join(each[n] for each, n in zip(texts, some, strict=True)) for some in found.T.tolist())
+        return {name: np.flatnonzero(whose.ravel() == number) for number, name in enumerate(names)}
 
     def _has_two_bodies(self, moments: NDArray[np.float64]) -> bool:
         """Say whether rows of one time differ more than rows of times that follow each other."""

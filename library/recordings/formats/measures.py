@@ -27,6 +27,8 @@ METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for w
 #: millimetre. A crouching child and a very tall person are far from the limits of metres and centimetres. Those between
 #: are of whole bodies, grown up: Acclaim's unit, in which CMU's recordings are, and an inch.
 _SIZES = ((16.0, 1.0), (46.0, 0.0254 / 0.45), (100.0, 0.0254), (500.0, 0.01))
+#: Centimetres from a laboratory's origin, at most: a part of a body that is farther is in millimetres.
+_FARTHEST = 15_000.0
 #: Frames in which the size is measured, about.
 _LOOKS = 256
 #: What is so many times farther from a body's middle than half of its joints is no part of it.
@@ -72,7 +74,10 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
         size *= 5
     text = " ".join(names).lower()
     is_whole = "head" in text and ("foot" in text or "ankle" in text)
-    return next((metres for most, metres in _SIZES if size <= most and (is_whole or metres in (1.0, 0.01))), 0.001)
+    found = next((metres for most, metres in _SIZES if size <= most and (is_whole or metres in (1.0, 0.01))), 0.001)
+    # No laboratory is so large: these are the feet alone, say.
+    is_far = found == _SIZES[-1][1] and np.nanmedian(np.abs(some).max(axis=2)) > _FARTHEST
+    return 0.001 if is_far and not is_whole else found
 
 
 def from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -362,9 +367,7 @@ def _gaps(times: Times, begin: float) -> Iterator[tuple[float, float]]:
         yield float(times[place]) - begin, float(times[place + 1]) - begin
 
 
-def _between(
-    positions: Positions, before: NDArray[np.intp], after: NDArray[np.intp], share: NDArray[np.float64]
-) -> Positions:
+def _between(positions: Positions, before: NDArray[np.intp], after: NDArray[np.intp], share: Times) -> Positions:
     """Weigh two frames; at a frame's own time the frame itself is given, even if its neighbour lacks joints."""
     weighed = positions[before]
     moved = np.flatnonzero(share > 0)

@@ -38,8 +38,7 @@ _AXES = re.compile("w?xyz|0123?4?|1234?")
 _WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
-    r"(?:(?:pos|position|translation|loc|location|coord|world|global|3d|[pt])[\W_]*){0,2}([xyz])(?:3d)?(?:[\W_]+(\w{1,11}))?[\W_]*",
-    re.IGNORECASE,
+    r"(?i)(?:(?:pos(?:ition)?|translation|loc(?:ation)?|coord|world|global|3d|[pt])[\W_]*){0,2}([xyz])(?:3d)?(?:[\W_]+(\w{1,11}))?[\W_]*"
 )
 #: Words of columns (`words.toml`).
 _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LENGTHS = (
@@ -195,7 +194,7 @@ def _of_one(
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), []).append(place)
                 units.add("" if is_name else unit)
                 measures |= {joint} if unit.lower() in _NO_LENGTHS else set()
-        whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
+        whole = {name: each for name, each in found.items() if len(each) > 2 and _AXES.fullmatch("".join(sorted(each)))}
         turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
         ahead = {(*words[:-1],) for joint in whole if (words := words_of(joint))[-1:] == ["forward"]}
         others = [
@@ -288,9 +287,7 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     if min(map(axes.count, "xyz")) < _FEW or not ours or not names:
         return []
     # The joints' row, not one that says rates and units.
-    named = max(
-        names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
-    )
+    named = max(names, key=lambda one: len(set.intersection(*({one[c] for c in ours if axes[c] == a} for a in "xyz"))))
     threes = [ours[n : n + 3] for n in range(len(ours)) if [axes[column] for column in ours[n : n + 3]] == [*"xyz"]]
     is_over = _are_over(named, threes)
     if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):

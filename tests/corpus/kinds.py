@@ -610,6 +610,8 @@ def _tables() -> dict[str, Kind]:
         "BTS": ("BTS ASCII format\n\nType:\tPoint 3D tracks\nMeasure unit:\tm\n\nTracks:\t16\nFrequency:\t60 Hz\nFrames:\t48\n\nFrame\t" + table(clock="Time", mark="\t", head=lambda name, axis: f"{name}.{axis.upper()}").replace("\n", "\n1\t").removesuffix("1\t"), {"ending": "emt"}),
         "sensors by number": (_long("{frame},{id},{x:.4f},{y:.4f},{z:.4f},1,2,3").replace("frame,id,x,y,z,1,2,3", "Frame,Sensor,X,Y,Z,Az,El,Ro"), {"names": tuple(map(str, range(16))), "rate": 30.0, "tells": "frame numbers"}),
         "Axis Neuron": (table(clock=None, mark="\t", head="{}-Joint-Posi-{}".format, more=[(f"{n}-Sensor-Acce-{axis}", 0.5) for n in NAMES for axis in "xyz"]), {"names": tuple(f"{n}-Joint" for n in NAMES), "ending": "txt", "rate": 30.0, "tells": "no positions: Hips-Sensor-Acce"}),
+        "each camera's times": (_long("{frame},{time:.4f},cameras,{joint},{x:.4f},{y:.4f},{z:.4f}").replace(",cameras,", ",\"{'cam0': 0.01}\",").replace("\"{'cam0': 0.01}\"", "time_by_camera", 1), {}),
+        "a rate beside the frames": (_in_front("Frame (60 Hz),", lambda n, _: f"{n},"), {}),
         "feet alone, far away": (table(names=FEET, positions=1000 * _FEET), {"names": FEET, "body": _FEET}),
         "two people whom two cameras see": (_two_twice(), {"people": ("0_0", "0_1", "1_0", "1_1")}),
         "pairs of numbers in fields": (_lines([map(str, range(33)), *([f'"[0.7{n}, 0.1]"'] * 33 for n in range(9))]), {"reads": False, "tells": "without a row of names"}),

@@ -571,4 +571,5 @@ def _moment(path: Path, line: int, text: str) -> float:
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
     if (found := _WITH_UNIT.fullmatch(text.strip())) and (unit := SECONDS.get(found[2].lower())):
         return _number(path, line, found[1]) * unit
-    return math.nan if _DATE.fullmatch(text.strip()) else _number(path, line, text)
+    # So are the times of several cameras: `{'a': 0.1, 'b': 0.2}`.
+    return math.nan if _DATE.fullmatch(text.strip()) or text.startswith(("{", "[")) else _number(path, line, text)

@@ -416,7 +416,8 @@ def _header(
             said.setdefault(kind, []).append(found[1])
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
     alone = [number[1] for row in reversed(rows) if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
-    rates = map(float, (*said.get("rate", ()), *said.get("capture", ()), *alone))
+    beside = re.findall(r"(?i)(\d+\.?\d*) ?(?:hz|fps)\b", " ".join(names[column] for column in frames))
+    rates = map(float, (*said.get("rate", ()), *said.get("capture", ()), *alone, *beside))
     # A row of units may stand over the joints' columns, or below their names.
     over = [{row[column].strip("()[]. ").lower() for column in taken if column < len(row)} - {""} for row in rows]
     lengths = {each.lower() for each in units}.union(*(each for each in over if each <= {*METRES})) & {*METRES}

@@ -930,9 +930,8 @@ def _japanese() -> bytes:
 
 
 def _scaled(said: float, content: bytes) -> bytes:
-    """Give a C3D whose two scales say another kind of numbers than there is."""
-    scale = struct.pack("<f", -1.0 if said > 0 else 0.1)
-    return content.replace(scale, struct.pack("<f", said), 2)
+    """Give a C3D whose two scales say whole numbers where there are reals."""
+    return content.replace(struct.pack("<f", -1.0), struct.pack("<f", said), 2)
 
 
 def _c3ds() -> dict[str, Kind]:
@@ -988,7 +987,6 @@ def _c3ds() -> dict[str, Kind]:
         "more other numbers in the header": (_at(4, b"\x03\0", c3d(used=0)), {}),
         "no other numbers in the header": (_at(4, b"\0\0", c3d(analog=4, used=4)), {}),
         "scales of whole numbers for reals": (_scaled(1.0, c3d(analog=4)), {}),
-        "scales of reals for whole numbers": (_scaled(-0.1, c3d(whole=True, analog=4)), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip
     return {f"C3D, {name}": Kind("c3d", content, **said) for name, (content, said) in kinds.items()}  # type: ignore[arg-type]

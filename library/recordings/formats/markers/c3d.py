@@ -126,10 +126,11 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
 
     if not announced:
         return points[0], others[0], scales[0]
-    best = min(kinds := [*product(points, others, scales)], key=apart)
-    # Some scales say whole numbers where there are reals, or reals where there are whole numbers.
-    turned = ((count, other, -scale) for count, other, scale in kinds)
-    return best if not apart(best) else next((each for each in turned if not apart(each)), best)
+    best = min(product(points, others[:1], scales), key=apart)
+    # Other numbers may be counted wrong, and scales say whole numbers where there are reals: such a layout must fit,
+    # because files may be cut off, too.
+    guesses = product(points, others, (*scales, *(-each for each in scales if each > 0)))
+    return best if not apart(best) else next((each for each in guesses if not apart(each)), best)
 
 
 def _counted(said: Any, numbers: NDArray[np.float64], announced: int) -> int:  # noqa: ANN401

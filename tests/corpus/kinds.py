@@ -645,6 +645,12 @@ def trc(
     )
 
 
+def _late(text: str) -> str:
+    """Put a marker behind the others of a TRC that nothing names, from the ninth frame on."""
+    rows = text.splitlines(keepends=True)
+    return "".join([*rows[:-40], *(row.replace("\n", "\t139.604\t565.547\t1063.723\n") for row in rows[-40:])])
+
+
 def _trcs() -> dict[str, Kind]:
     gone, late = _without("RightFoot", np.nan) * 1000, _without("LeftHand", np.nan, slice(0, 40)) * 1000
     short = _without("RightFoot", np.nan, slice(30, 34)) * 1000
@@ -667,6 +673,7 @@ def _trcs() -> dict[str, Kind]:
         "never seen": (trc(positions=gone), {"tells": "RightFoot (never seen)", "lacking": ("RightFoot",)}),
         "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "decimal commas": (trc().replace(".", ","), {}),
+        "a marker behind all names, late": (_late(trc()), {"tells": "columns: 3 behind all names"}),
         "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",), "tells": "1 without a name"}),
         "the first marker without a name": (trc().replace("\tHips\t", "\t\t"), {"lacking": ("Hips",), "tells": "1 without a name"}),
         "angles": (trc(unit="rad"), {"reads": False, "tells": "numbers in rad"}),

@@ -206,6 +206,8 @@ class _Table:
         By column the numbers of its texts, and those numbers row by row; a column of many texts is dropped.
     rows
         The rows with their lines where each is a joint or a coordinate.
+    short, extra
+        Rows that are shorter than the header, and numbers behind all names in a row, at most.
     """
 
     header: Header
@@ -218,6 +220,7 @@ class _Table:
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     short: int = 0
+    extra: int = 0
     columns: list[int] = field(init=False)
     needed: int = field(init=False)
 
@@ -258,6 +261,12 @@ class _Table:
             numbers.append(texts.setdefault(row[column].strip() if column < len(row) else "", len(texts)))
             if len(texts) > _MOST_PEOPLE:
                 del self.cells[column]
+
+    def even(self, cells: list[str]) -> list[str]:
+        """Give a row of tabs without the markers behind all names, that come later, and with tabs that were cut off."""
+        width = len(self.header.names) - (not self.header.names[-1])
+        self.extra = max(self.extra, (extra := sum(map(_is_finite, cells[width:]))) * (not extra % 3))
+        return cells if extra % 3 else [*cells[:width], *[""] * (self.needed - len(cells))]
 
     @property
     def is_wide(self) -> bool:
@@ -401,7 +410,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
-            table.take(path, line, [*cells, *[""] * (table.needed - len(cells))] if mark == "\t" else cells)
+            table.take(path, line, table.even(cells) if mark == "\t" else cells)
     if table is None and (header := header_of(head)) and len(header.joints) > 1:
         yield _Table(header, [], line)
 
@@ -509,7 +518,7 @@ def _read(path: Path) -> _Table:
         table = max(_tables(path, mark), key=lambda each: each.header.rank)
     except csv.Error as error:
         raise RecordingError(f"{path}: expected a CSV ({error})") from error
-    if beyond := sum(map(_is_finite, table.first[len(table.header.names) :])):
+    if beyond := max(table.extra, sum(map(_is_finite, table.first[len(table.header.names) :]))):
         table.notes.append(f"columns: {beyond} behind all names: left out")
     if not table.is_wide:
         table = _turned(path, table)

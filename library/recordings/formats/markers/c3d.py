@@ -176,10 +176,9 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     fields = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
     positions = fields[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
     gone = fields[:, :, -1] < 0
-    if gone.all() and positions.any():
-        notes.append("residuals: all say that nothing was seen, beside places: the places are taken")
-    else:
-        positions[gone] = np.nan
+    unsaid = gone.all() & positions.any()
+    notes += ["residuals: all say that nothing was seen, beside places: the places are taken"] * bool(unsaid)
+    positions[gone & ~unsaid] = np.nan
     return positions, notes
 
 

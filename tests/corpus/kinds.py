@@ -82,6 +82,8 @@ JAPANESE = tuple(
 PELVIS = ("LASI", "RASI", "LPSI", "RPSI")
 FEET = ("LTOE", "LHEE", "RTOE", "RHEE")
 _FEET = BODY[:, [12, 12, 15, 15]] + np.array([[0.05, 0, 0.15], [0, 0, -0.1]] * 2) + np.array([33.0, 10.5, 0])
+HAND = ("WRIST", "THUMB_TIP", "INDEX_FINGER_TIP", "PINKY_TIP")
+_HAND = BODY[:, [9] * 4] + np.array([[0, 0, 0], [0.08, 0.1, 0], [0.03, 0.19, 0], [-0.06, 0.15, 0]])
 _PELVIS = BODY[:, :1] + np.array([[0.12, 0, 0.1], [-0.12, 0, 0.1], [0.05, 0, -0.1], [-0.05, 0, -0.1]])
 
 
@@ -239,11 +241,11 @@ def _vicon_old() -> str:
     return f"TRAJECTORIES\n60,Hz\n{head}{rows}"
 
 
-def _qualisys(*, columns: bool = True) -> str:
+def _qualisys(*, columns: bool = True, body: NDArray[np.float64] = BODY) -> str:
     names = "\t".join(NAMES)
     head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
     heads = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
-    rows = _frames(BODY * 1000, lambda place: f"{place + 1}\t{place / RATE:.5f}", "\t")
+    rows = _frames(body * 1000, lambda place: f"{place + 1}\t{place / RATE:.5f}", "\t")
     return head + f"Frame\tTime\t{heads}\n" * columns + rows
 
 
@@ -615,6 +617,8 @@ def _tables() -> dict[str, Kind]:
         "feet alone, far away": (table(names=FEET, positions=1000 * _FEET), {"names": FEET, "body": _FEET}),
         "two people whom two cameras see": (_two_twice(), {"people": ("0_0", "0_1", "1_0", "1_1")}),
         "pairs of numbers in fields": (_lines([map(str, range(33)), *([f'"[0.7{n}, 0.1]"'] * 33 for n in range(9))]), {"reads": False, "tells": "without a row of names"}),
+        "a hand alone": (table(names=HAND, positions=1000 * _HAND), {"names": HAND, "body": _HAND}),
+        "Qualisys, a part of a body": (_qualisys(columns=False, body=BODY / 5), {"ending": "tsv", "body": BODY / 5}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     return _kinds("csv", texts, encoding="utf-8") | {

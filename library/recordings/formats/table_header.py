@@ -136,11 +136,13 @@ def is_value(name: str) -> bool:
 
 def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
+    # Qualisys names no unit: its numbers are millimetres, those of hands or feet alone, too.
+    if any(row[:1] == ["MARKER_NAMES"] for row in rows) and any(re.match(r"-?\d{3}", cell) for cell in first[2:]):
+        rows = [["Units", "mm"], *rows]
     names = [row for row in rows if not is_numbers(row)]
     for place in range(len(names) - 1, max(len(names) - _DEEP, 0) - 1, -1):
         row, others = names[place], [each for each in rows if each is not names[place]]
-        if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
-            row = row[1:]
+        row = row[len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//") :]
         # R names no column for the numbers, or the names, of its rows; a time in front is none.
         is_of_r = len(row) == len(first) - 1 and first[-1] and "." not in first[0]
         row = _continued(["", *row] if is_of_r else row)
@@ -380,8 +382,7 @@ def _in_order(row: Sequence[str], size: int, first: Sequence[str]) -> list[str]:
     cells = [*filter(None, map(str.strip, row))]
     for each in (cells, " ".join(cells).split()):
         heads = [name for name in each[:2] if name == "MARKER_NAMES" or (_FRAMES | _TIMES) & {*words_of(name)}]
-        names = each[len(heads) :]
-        front = size - 3 * len(names)
+        names, front = each[len(heads) :], size - 3 * (len(each) - len(heads))
         # A tab may stand at a line's end, too.
         front -= front % 2 and not first[-1]
         if len(names) > 1 and 0 <= front < 3:

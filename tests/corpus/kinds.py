@@ -82,6 +82,7 @@ JAPANESE = tuple(
 PELVIS = ("LASI", "RASI", "LPSI", "RPSI")
 FEET = ("LTOE", "LHEE", "RTOE", "RHEE")
 _FEET = BODY[:, [12, 12, 15, 15]] + np.array([[0.05, 0, 0.15], [0, 0, -0.1]] * 2) + np.array([33.0, 10.5, 0])
+HEAD = ("LFHD", "RFHD", "LBHD", "RBHD")
 HAND = ("WRIST", "THUMB_TIP", "INDEX_FINGER_TIP", "PINKY_TIP")
 _HAND = BODY[:, [9] * 4] + np.array([[0, 0, 0], [0.08, 0.1, 0], [0.03, 0.19, 0], [-0.06, 0.15, 0]])
 _PELVIS = BODY[:, :1] + np.array([[0.12, 0, 0.1], [-0.12, 0, 0.1], [0.05, 0, -0.1], [-0.05, 0, -0.1]])
@@ -618,6 +619,7 @@ def _tables() -> dict[str, Kind]:
         "two people whom two cameras see": (_two_twice(), {"people": ("0_0", "0_1", "1_0", "1_1")}),
         "pairs of numbers in fields": (_lines([map(str, range(33)), *([f'"[0.7{n}, 0.1]"'] * 33 for n in range(9))]), {"reads": False, "tells": "without a row of names"}),
         "a hand alone": (table(names=HAND, positions=1000 * _HAND), {"names": HAND, "body": _HAND}),
+        "a head alone": (table(names=HEAD, positions=1000 * _PELVIS), {"names": HEAD, "body": _PELVIS}),
         "Qualisys, a part of a body": (_qualisys(columns=False, body=BODY / 5), {"ending": "tsv", "body": BODY / 5}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip

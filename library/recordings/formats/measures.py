@@ -57,8 +57,8 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     The size is the diagonal of the box around the joints, usual for the frames in which two joints or more are seen.
     People differ less than tenfold in size, so metres, centimetres and millimetres can be distinguished; Acclaim's unit
     and inches, too, where `names` tell of a head and of feet. Any other unit is taken for the nearest of these:
-    distances then have another scale, which recognition does not depend on. A pelvis or a hand alone, by its `names`,
-    is a fifth of a person.
+    distances then have another scale, which recognition does not depend on. A pelvis, a hand, or a head alone, by its
+    `names`, is a fifth of a person.
     """
     seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
     if not len(seen):
@@ -70,9 +70,9 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     alien = far & (far.sum(axis=1, keepdims=True) <= np.minimum(_MAX_ALIEN, there // _ALIEN))
     own = np.where(alien[:, :, None], np.nan, some)
     size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
-    if names and all(any(word in name.lower() for word in WORDS["columns"]["part"]) for name in names):
+    text, parts = " ".join(names).lower(), WORDS["columns"]["parts_of_body"] if names else ()
+    if any(all(any(word in name.lower() for word in part) for name in names) for part in parts):
         size *= 5
-    text = " ".join(names).lower()
     is_whole = "head" in text and ("foot" in text or "ankle" in text)
     found = next((metres for most, metres in _SIZES if size <= most and (is_whole or metres in (1.0, 0.01))), 0.001)
     # No laboratory is so large: these are the feet alone, say.

@@ -303,9 +303,8 @@ def _require(condition: bool, otherwise: str) -> None:  # noqa: FBT001 - reads l
 def _require_sizes(joints: int, frames: Sequence[int]) -> None:
     _require(0 < len(frames) <= MAX_MOTIONS, f"motions: expected 1 to {MAX_MOTIONS}, got {len(frames)}")
     _require(joints <= MAX_JOINTS, f"joints: expected at most {MAX_JOINTS}, got {joints}")
-    _require(
-        sum(frames) * joints * 3 <= MAX_COORDINATES, f"frames: expected at most {MAX_COORDINATES} coordinates, got more"
-    )
+    is_held = sum(frames) * joints * 3 <= MAX_COORDINATES
+    _require(is_held, f"frames: expected at most {MAX_COORDINATES} coordinates, got more")
 
 
 def _numbers(

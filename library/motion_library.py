@@ -316,11 +316,9 @@ def _as_motion(clip: Clip, skeleton: Skeleton) -> Clip:
     if clip.frames <= every:
         raise ValueError(f"clip {clip.name!r}: expected at least {every + 1} frames, got {clip.frames}")
     positions = library_file.rounded(clip.as_of(skeleton).positions[::every])
-    if np.abs(positions).max() > library_file.MAX_METRES:
-        farthest = f"{np.abs(positions).max():.3g}: millimetres? Divide them by 1000"
-        raise ValueError(
-            f"clip {clip.name!r}: expected joints within {library_file.MAX_METRES:g} m of the origin, got {farthest}"
-        )
+    if (farthest := np.abs(positions).max()) > (most := library_file.MAX_METRES):
+        got = f"{farthest:.3g}: millimetres? Divide them by 1000"
+        raise ValueError(f"clip {clip.name!r}: expected joints within {most:g} m of the origin, got {got}")
     if np.ptp(distance_rows(positions, skeleton), axis=0).max() <= _ROUNDING:
         raise ValueError(f"clip {clip.name!r}: expected a motion, got a body that does not move")
     positions.setflags(write=False)

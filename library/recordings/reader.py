@@ -264,9 +264,8 @@ class RecordingReader:
         first, *others = self.clips(path)
         if others:
             names = ", ".join(clip.actor for clip in (first, *others))
-            raise RecordingError(
-                f"{path}: the recording has several performers ({names}): kinespace convert --performer takes one"
-            )
+            what = f"the recording has several performers ({names}): kinespace convert --performer takes one"
+            raise RecordingError(f"{path}: {what}")
         return first
 
     def _read(self, path: Path) -> Sequence[Clip]:
@@ -342,8 +341,7 @@ def segments_beside(take: Path) -> tuple[Segment, ...] | None:
     """
     if utkinect.is_take(take) and take.with_name(utkinect.LABELS).is_file():
         return utkinect.read_segments(take)
-    labels = labels_beside(take)
-    return read_labels(labels[0]) if labels else None
+    return next(map(read_labels, labels_beside(take)), None)
 
 
 @contextmanager

@@ -72,7 +72,19 @@ MARKERS = tuple(f"{name}{number}" for name in NAMES if name != "Spine1" for numb
 ON_SEGMENTS = np.repeat(np.delete(BODY, NAMES.index("Spine1"), axis=1), 2, axis=1) + np.tile([[0.04], [-0.03]], (15, 3))
 SIDES_LAST = [re.sub("(Left|Right)(.+)", r"\2_\1", name).lower() for name in NAMES]
 PATHS = [f"/p1/{name}" for name in NAMES]
+#: Of two letters each.
+JAPANESE = tuple(
+    map(
+        "".join,
+        zip(*["頭頂首元右肩左肩右肘左肘右手左手腰部胸部右膝左膝右足左足背中骨盤"[n::2] for n in (0, 1)], strict=True),
+    )
+)
 PELVIS = ("LASI", "RASI", "LPSI", "RPSI")
+FEET = ("LTOE", "LHEE", "RTOE", "RHEE")
+_FEET = BODY[:, [12, 12, 15, 15]] + np.array([[0.05, 0, 0.15], [0, 0, -0.1]] * 2) + np.array([33.0, 10.5, 0])
+HEAD = ("LFHD", "RFHD", "LBHD", "RBHD")
+HAND = ("WRIST", "THUMB_TIP", "INDEX_FINGER_TIP", "PINKY_TIP")
+_HAND = BODY[:, [9] * 4] + np.array([[0, 0, 0], [0.08, 0.1, 0], [0.03, 0.19, 0], [-0.06, 0.15, 0]])
 _PELVIS = BODY[:, :1] + np.array([[0.12, 0, 0.1], [-0.12, 0, 0.1], [0.05, 0, -0.1], [-0.05, 0, -0.1]])
 
 
@@ -230,11 +242,11 @@ def _vicon_old() -> str:
     return f"TRAJECTORIES\n60,Hz\n{head}{rows}"
 
 
-def _qualisys(*, columns: bool = True) -> str:
+def _qualisys(*, columns: bool = True, body: NDArray[np.float64] = BODY) -> str:
     names = "\t".join(NAMES)
     head = f"NO_OF_FRAMES\t{len(BODY)}\nNO_OF_MARKERS\t16\nFREQUENCY\t60\nDATA_INCLUDED\t3D\nMARKER_NAMES\t{names}\n"
     heads = "\t".join(f"{name} {axis}" for name in NAMES for axis in "XYZ")
-    rows = _frames(BODY * 1000, lambda place: f"{place + 1}\t{place / RATE:.5f}", "\t")
+    rows = _frames(body * 1000, lambda place: f"{place + 1}\t{place / RATE:.5f}", "\t")
     return head + f"Frame\tTime\t{heads}\n" * columns + rows
 
 
@@ -271,6 +283,16 @@ def _two(column: str, clock: str, ids: tuple[str, str]) -> str:
         for name, each in zip(ids, (BODY, OTHER), strict=True)
     )
     return head + "".join(row for pair in zip(one, other, strict=True) for row in pair)
+
+
+def _two_twice() -> str:
+    """Put the rows of two bodies by turns, each as two cameras saw it, a metre and a half apart each."""
+    four = [BODY + np.array([1.5 * number, 0, 0]) for number in range(4)]
+    texts = [
+        table(more=[("Person#", number // 2), ("Skeleton#", number % 2)], positions=each).splitlines(keepends=True)
+        for number, each in enumerate(four)
+    ]
+    return texts[0][0] + "".join(row for rows in zip(*(text[1:] for text in texts), strict=True) for row in rows)
 
 
 def _beside() -> str:
@@ -591,6 +613,14 @@ def _tables() -> dict[str, Kind]:
         "BTS": ("BTS ASCII format\n\nType:\tPoint 3D tracks\nMeasure unit:\tm\n\nTracks:\t16\nFrequency:\t60 Hz\nFrames:\t48\n\nFrame\t" + table(clock="Time", mark="\t", head=lambda name, axis: f"{name}.{axis.upper()}").replace("\n", "\n1\t").removesuffix("1\t"), {"ending": "emt"}),
         "sensors by number": (_long("{frame},{id},{x:.4f},{y:.4f},{z:.4f},1,2,3").replace("frame,id,x,y,z,1,2,3", "Frame,Sensor,X,Y,Z,Az,El,Ro"), {"names": tuple(map(str, range(16))), "rate": 30.0, "tells": "frame numbers"}),
         "Axis Neuron": (table(clock=None, mark="\t", head="{}-Joint-Posi-{}".format, more=[(f"{n}-Sensor-Acce-{axis}", 0.5) for n in NAMES for axis in "xyz"]), {"names": tuple(f"{n}-Joint" for n in NAMES), "ending": "txt", "rate": 30.0, "tells": "no positions: Hips-Sensor-Acce"}),
+        "each camera's times": (_long("{frame},{time:.4f},cameras,{joint},{x:.4f},{y:.4f},{z:.4f}").replace(",cameras,", ",\"{'cam0': 0.01}\",").replace("\"{'cam0': 0.01}\"", "time_by_camera", 1), {}),
+        "a rate beside the frames": (_in_front("Frame (60 Hz),", lambda n, _: f"{n},"), {}),
+        "feet alone, far away": (table(names=FEET, positions=1000 * _FEET), {"names": FEET, "body": _FEET}),
+        "two people whom two cameras see": (_two_twice(), {"people": ("0_0", "0_1", "1_0", "1_1")}),
+        "pairs of numbers in fields": (_lines([map(str, range(33)), *([f'"[0.7{n}, 0.1]"'] * 33 for n in range(9))]), {"reads": False, "tells": "without a row of names"}),
+        "a hand alone": (table(names=HAND, positions=1000 * _HAND), {"names": HAND, "body": _HAND}),
+        "a head alone": (table(names=HEAD, positions=1000 * _PELVIS), {"names": HEAD, "body": _PELVIS}),
+        "Qualisys, a part of a body": (_qualisys(columns=False, body=BODY / 5), {"ending": "tsv", "body": BODY / 5}),
         "a pelvis alone": (table(names=PELVIS, positions=1000 * _PELVIS), {"names": PELVIS, "body": _PELVIS}),
     }  # fmt: skip
     return _kinds("csv", texts, encoding="utf-8") | {
@@ -621,6 +651,12 @@ def trc(
     )
 
 
+def _late(text: str) -> str:
+    """Put a marker behind the others of a TRC that nothing names, from the ninth frame on."""
+    rows = text.splitlines(keepends=True)
+    return "".join([*rows[:-40], *(row.replace("\n", "\t139.604\t565.547\t1063.723\n") for row in rows[-40:])])
+
+
 def _trcs() -> dict[str, Kind]:
     gone, late = _without("RightFoot", np.nan) * 1000, _without("LeftHand", np.nan, slice(0, 40)) * 1000
     short = _without("RightFoot", np.nan, slice(30, 34)) * 1000
@@ -643,6 +679,7 @@ def _trcs() -> dict[str, Kind]:
         "never seen": (trc(positions=gone), {"tells": "RightFoot (never seen)", "lacking": ("RightFoot",)}),
         "seen late": (trc(positions=late), {"tells": "LeftHand (not seen in 83%)", "lacking": ("LeftHand",)}),
         "decimal commas": (trc().replace(".", ","), {}),
+        "a marker behind all names, late": (_late(trc()), {"tells": "columns: 3 behind all names"}),
         "a marker without a name": (trc().replace("\tRightLeg\t", "\t\t"), {"lacking": ("RightLeg",), "tells": "1 without a name"}),
         "the first marker without a name": (trc().replace("\tHips\t", "\t\t"), {"lacking": ("Hips",), "tells": "1 without a name"}),
         "angles": (trc(unit="rad"), {"reads": False, "tells": "numbers in rad"}),
@@ -798,10 +835,12 @@ def c3d(  # noqa: PLR0913 - a file may differ in many ways
     rates: tuple[float, float] = (RATE, RATE),
     said: int | None = None,
     analog: int = 0,
+    used: int | None = None,
 ) -> bytes:
     """Give a C3D: whole numbers or reals of Intel's (84), DEC's (85) or MIPS' (86) processors; NaN as residual -1.
 
-    `rates` are the header's and POINT:RATE (0: none); `said` frames instead of those that are there.
+    `rates` are the header's and POINT:RATE (0: none); `said` frames instead of those that are there; `used` is
+    ANALOG:USED.
     """
     order = ">" if processor == 86 else "<"
 
@@ -826,6 +865,9 @@ def c3d(  # noqa: PLR0913 - a file may differ in many ways
     texts += [parameter("SCALE", 4, [], real(scale)), parameter("FRAMES", 2, [], said_frames)]
     texts += [parameter("RATE", 4, [], real(rates[1]))] if rates[1] else []
     texts += [parameter("LABELS", -1, [width, len(labels)], "".join(label.ljust(width) for label in labels).encode())]
+    if used is not None:
+        content = struct.pack("bB", 2, 0) + struct.pack(f"{order}H", used) + b"\0"
+        texts += [entry("ANALOG", -2, b"\0"), entry("USED", 2, content)]
     parameters = entry("POINT", -1, b"\0") + b"".join(texts) + b"\0\0"
     blocks = -(-(len(parameters) + 4) // 512)
     header = struct.pack(f"{order}BBHHHHH", 2, 0x50, len(labels), analog, 1, (said or frames) & 0xFFFF, 10)
@@ -885,6 +927,26 @@ def _unseen() -> bytes:
     return content[:begin] + numbers.tobytes()
 
 
+def _damaged(content: bytes, kind: str) -> bytes:
+    """Give a C3D with a parameter behind the others that holds more than the file's parameters have room for."""
+    end, begin = content.index(kind.encode()) - 2, 512 * (struct.unpack("<H", content[16:18])[0] - 1)
+    beyond = struct.pack("bb", 6, 1) + b"VALUES" + struct.pack("<hbB", 20_405, 4, 2) + bytes([255, 20])
+    return (content[:end] + beyond).ljust(begin, b"\1")[:begin] + content[begin:]
+
+
+def _japanese() -> bytes:
+    """Give a C3D whose labels are in Shift-JIS."""
+    content = c3d(labels=[f"Q{number:02}QQQ" for number in range(16)])
+    for number, name in enumerate(JAPANESE):
+        content = content.replace(f"Q{number:02}QQQ".encode(), name.encode("cp932").ljust(6))
+    return content
+
+
+def _scaled(said: float, content: bytes) -> bytes:
+    """Give a C3D whose two scales say whole numbers where there are reals."""
+    return content.replace(struct.pack("<f", -1.0), struct.pack("<f", said), 2)
+
+
 def _c3ds() -> dict[str, Kind]:
     many = np.repeat(BODY[:, :2], 1500, axis=0)
     late, both = _without("LeftHand", np.nan, slice(0, 40)), _without("LeftHand", 0.0)
@@ -930,6 +992,14 @@ def _c3ds() -> dict[str, Kind]:
         "fewer labels than points": (c3d().replace(b"\xff\x02\x0c\x10", b"\xff\x02\x0c\x0e"), {"tells": "2 without a name", "lacking": NAMES[14:]}),
         "no labels": (c3d().replace(b"\xff\x02\x0c\x10", b"\xff\x02\x0c\x00"), {"names": tuple(f"*{number}" for number in range(1, 17))}),
         "Theia's matrices": (_theia(), {}),
+        "nothing before the header": (b"\0" * 512 + c3d(), {}),
+        "another kind of processor": (_at(512 + 3, b"\1"), {}),
+        "no count of parameters' blocks": (_at(512 + 2, b"\0"), {}),
+        "a parameter beyond the others' blocks": (_damaged(c3d(used=0), "ANALOG"), {"tells": "parameters: one is damaged"}),
+        "labels in Shift-JIS": (_japanese(), {"names": JAPANESE}),
+        "more other numbers in the header": (_at(4, b"\x03\0", c3d(used=0)), {}),
+        "no other numbers in the header": (_at(4, b"\0\0", c3d(analog=4, used=4)), {}),
+        "scales of whole numbers for reals": (_scaled(1.0, c3d(analog=4)), {}),
         "no points": (c3d(labels=NAMES[:1], positions=BODY[:, :1]), {"reads": False, "tells": "points"}),
     }  # fmt: skip
     return {f"C3D, {name}": Kind("c3d", content, **said) for name, (content, said) in kinds.items()}  # type: ignore[arg-type]

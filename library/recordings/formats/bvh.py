@@ -149,8 +149,7 @@ class _HierarchyReader:
         """Describe the joint whose braces are the innermost."""
         if self._open == [-1]:
             statement.fail(f"{statement.words[0]} stands outside a joint")
-        index = self._open[-1]
-        joint = self.joints[index]
+        joint = self.joints[index := self._open[-1]]
         if word == "offset":
             x, y, z = numbers_in(statement.words[1:], statement.path, statement.number, 3)
             self.joints[index] = replace(joint, offset=(x, y, z))
@@ -178,9 +177,8 @@ def _channels(statement: Line) -> tuple[str, ...]:
     found = [_CHANNEL.fullmatch(name) for name in names]
     channels = tuple(each[2][0].lower() + each[1].lower() for each in found if each)
     if not count.isdecimal() or int(count) != len(names) or len(set(channels)) != len(names):
-        statement.fail(
-            f"expected CHANNELS, a count, and that number of Xposition ... Zrotation, got {' '.join(statement.words)!r}"
-        )
+        got = " ".join(statement.words)
+        statement.fail(f"expected CHANNELS, a count, and that number of Xposition ... Zrotation, got {got!r}")
     return channels
 
 
@@ -325,17 +323,14 @@ def _representatives(joints: Sequence[BvhJoint], displaced: Sequence[bool]) -> l
     return firsts
 
 
-def _kept(
-    joints: Sequence[BvhJoint], displaced: Sequence[bool], wanted: Sequence[str]
-) -> tuple[list[int], tuple[int, ...]]:
+def _kept(joints: Sequence[BvhJoint], moved: Sequence[bool], wanted: Sequence[str]) -> tuple[list[int], Sequence[int]]:
     """Choose the joints of the clip: their indices in the file, and their parents among the chosen joints."""
-    firsts, names, kept = _representatives(joints, displaced), [joint.name for joint in joints], dict[str, int]()
+    firsts, names, kept = _representatives(joints, moved), [joint.name for joint in joints], dict[str, int]()
     for index in chosen(names, wanted) if wanted else range(len(names)):
         if kept.setdefault(str(firsts[index]), index) != index and names[index] in wanted:
             raise ValueError(f"{names[index]!r} always coincides with another chosen joint")
-    whole = Skeleton(
-        tuple(map(str, range(len(joints)))), tuple(firsts[each.parent] if each.parent >= 0 else -1 for each in joints)
-    )
+    above = tuple(firsts[each.parent] if each.parent >= 0 else -1 for each in joints)
+    whole = Skeleton(tuple(map(str, range(len(joints)))), above)
     # Where the joint above two chosen joints is not chosen, the first chosen joint takes its place.
     parents = (each if each >= 0 or not place else 0 for place, each in enumerate(whole.linked([*kept]).parents))
     return [*kept.values()], tuple(parents)

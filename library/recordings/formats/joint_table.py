@@ -57,8 +57,7 @@ _MAX_HEAD = 2000
 _MOST_PEOPLE = 64
 #: A time of day, perhaps behind a date, with a half of the day or a zone behind; SMPTE's ends with a frame's number.
 _CLOCK = re.compile(
-    r"(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-]\d\d:?\d\d)?",
-    re.IGNORECASE,
+    r"(?i)(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-][\d:]+)?"
 )
 _DATE = re.compile(r"\d+([-./])\d+\1\d+")
 #: A time with its unit.
@@ -207,6 +206,8 @@ class _Table:
         By column the numbers of its texts, and those numbers row by row; a column of many texts is dropped.
     rows
         The rows with their lines where each is a joint or a coordinate.
+    short, extra
+        Rows that are shorter than the header, and numbers behind all names in a row, at most.
     """
 
     header: Header
@@ -219,6 +220,7 @@ class _Table:
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     short: int = 0
+    extra: int = 0
     columns: list[int] = field(init=False)
     needed: int = field(init=False)
 
@@ -259,6 +261,12 @@ class _Table:
             numbers.append(texts.setdefault(row[column].strip() if column < len(row) else "", len(texts)))
             if len(texts) > _MOST_PEOPLE:
                 del self.cells[column]
+
+    def even(self, cells: list[str]) -> list[str]:
+        """Give a row of tabs without the markers behind all names, that come later, and with tabs that were cut off."""
+        width = len(self.header.names) - (not self.header.names[-1])
+        self.extra = max(self.extra, (extra := sum(map(_is_finite, cells[width:]))) * (not extra % 3))
+        return cells if extra % 3 else [*cells[:width], *[""] * (self.needed - len(cells))]
 
     @property
     def is_wide(self) -> bool:
@@ -305,17 +313,25 @@ class _Table:
         size = len(self.places())
         several = ((column, each) for column, (texts, each) in self.cells.items() if 1 < len(texts) <= size / 2)
         told = {column: np.frombuffer(numbers, np.int64) for column, numbers in several}
-        column = next((each for each in self.header.people if each in told), None)
-        if column is None and moments is not None and not (np.diff(moments) > 0).all():
-            pairs = ((each, np.stack([moments, numbers])) for each, numbers in told.items())
-            column = next((each for each, pair in pairs if np.unique(pair, axis=1).shape[1] == size), None)
-            if column is None and self._has_two_bodies(moments):
-                refuse(
-                    path, self.begin + 1, "two bodies at one time: expected a column that tells whose, like person_id"
-                )
-        if column is None:
+        ours = [each for each in self.header.people if each in told][:2]
+        times = np.arange(float(size)) if moments is None else moments
+
+        def tell(*columns: int) -> bool:
+            """Say whether rows of one time differ in some columns."""
+            return bool(np.unique(np.stack([times, *(told[each] for each in columns)]), axis=1).shape[1] == size)
+
+        # Several cameras may see each of the people.
+        columns = ours if ours[1:] and not tell(ours[0]) and tell(*ours) else ours[:1]
+        if not columns and not (np.diff(times) > 0).all():
+            columns = [each for each in told if tell(each)][:1]
+            if not columns and self._has_two_bodies(times):
+                refuse(path, self.begin + 1, "two bodies at one time: expected a column of persons, like person_id")
+        if not columns:
             return {"": np.arange(size)}
-        return {text: np.flatnonzero(told[column] == number) for text, number in self.cells[column][0].items()}
+        found, whose = np.unique(np.stack([told[each] for each in columns]), axis=1, return_inverse=True)
+        texts = [[*self.cells[each][0]] for each in columns]
+        names = ("_".join(each[n] for each, n in zip(texts, some, strict=True)) for some in found.T.tolist())
+        return {name: np.flatnonzero(whose.ravel() == number) for number, name in enumerate(names)}
 
     def _has_two_bodies(self, moments: NDArray[np.float64]) -> bool:
         """Say whether rows of one time differ more than rows of times that follow each other."""
@@ -394,7 +410,7 @@ def _tables(path: Path, mark: str, most: int | None = None) -> Iterator[_Table]:
         if len(cells) < table.needed and line > table.begin and after is None:
             table.notes.append(f"frames: the last line, {line}, is cut off and left out")
         else:
-            table.take(path, line, [*cells, *[""] * (table.needed - len(cells))] if mark == "\t" else cells)
+            table.take(path, line, table.even(cells) if mark == "\t" else cells)
     if table is None and (header := header_of(head)) and len(header.joints) > 1:
         yield _Table(header, [], line)
 
@@ -502,7 +518,7 @@ def _read(path: Path) -> _Table:
         table = max(_tables(path, mark), key=lambda each: each.header.rank)
     except csv.Error as error:
         raise RecordingError(f"{path}: expected a CSV ({error})") from error
-    if beyond := sum(map(_is_finite, table.first[len(table.header.names) :])):
+    if beyond := max(table.extra, sum(map(_is_finite, table.first[len(table.header.names) :]))):
         table.notes.append(f"columns: {beyond} behind all names: left out")
     if not table.is_wide:
         table = _turned(path, table)
@@ -564,4 +580,5 @@ def _moment(path: Path, line: int, text: str) -> float:
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
     if (found := _WITH_UNIT.fullmatch(text.strip())) and (unit := SECONDS.get(found[2].lower())):
         return _number(path, line, found[1]) * unit
-    return math.nan if _DATE.fullmatch(text.strip()) else _number(path, line, text)
+    # So are the times of several cameras: `{'a': 0.1, 'b': 0.2}`.
+    return math.nan if _DATE.fullmatch(text.strip()) or text.startswith(("{", "[")) else _number(path, line, text)

@@ -168,11 +168,10 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     if exported:
         rows = csv.DictReader(lines, _COLUMNS, delimiter=delimiter, quoting=csv.QUOTE_NONE)
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-    if missing and set(rows.fieldnames or ()) >= _IN_FRAMES:
-        got = "frame numbers: divide them by the take's frames per second"
-        raise LabelError(f"{path}: expected start_s,end_s,label, got {got}")
     if missing:
-        raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, got none called {', '.join(missing)}")
+        framed = "frame numbers: divide them by the take's frames per second"
+        got = framed if set(rows.fieldnames or ()) >= _IN_FRAMES else f"none called {', '.join(missing)}"
+        raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, got {got}")
     for row in rows:
         start, end, label = row["start_s"] or "", row["end_s"] or "", row["label"]
         # Audacity writes a label's frequencies in a line of their own, and marks moments, too.
@@ -212,15 +211,10 @@ def oddities(take: Clip, segments: Sequence[Segment]) -> list[str]:
     beyond = [segment for segment in segments if segment.end > lasts + slack or segment.start < seen - slack]
     lost = sum(_frames_of(take, segment) is None for segment in beyond)
     tiny = [segment for segment in segments if segment.duration < _SHORTEST]
-    notes = list[str]()
-    if beyond:
-        notes.append(
-            f"{len(beyond)} of {len(segments)} labels reach beyond the take ({seen:.1f} to {lasts:.1f} s): "
-            f"{len(beyond) - lost} shortened, {lost} left out"
-        )
-    if tiny:
-        notes.append(f"{len(tiny)} of {len(segments)} labels are shorter than {_SHORTEST} s, too short for any window")
-    return [f"{take.name}: {each}" for each in notes]
+    done = f"({seen:.1f} to {lasts:.1f} s): {len(beyond) - lost} shortened, {lost} left out"
+    notes = {f"labels reach beyond the take {done}": beyond}
+    notes |= {f"labels are shorter than {_SHORTEST} s, too short for any window": tiny}
+    return [f"{take.name}: {len(those)} of {len(segments)} {what}" for what, those in notes.items() if those]
 
 
 def renamed(segments: Iterable[Segment], names: Mapping[str, str]) -> tuple[Segment, ...]:

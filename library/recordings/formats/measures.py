@@ -27,6 +27,8 @@ METRES = {word: float(metres) for metres, words in WORDS["metres"].items() for w
 #: millimetre. A crouching child and a very tall person are far from the limits of metres and centimetres. Those between
 #: are of whole bodies, grown up: Acclaim's unit, in which CMU's recordings are, and an inch.
 _SIZES = ((16.0, 1.0), (46.0, 0.0254 / 0.45), (100.0, 0.0254), (500.0, 0.01))
+#: Centimetres from a laboratory's origin, at most: a part of a body that is farther is in millimetres.
+_FARTHEST = 15_000.0
 #: Frames in which the size is measured, about.
 _LOOKS = 256
 #: What is so many times farther from a body's middle than half of its joints is no part of it.
@@ -55,8 +57,8 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     The size is the diagonal of the box around the joints, usual for the frames in which two joints or more are seen.
     People differ less than tenfold in size, so metres, centimetres and millimetres can be distinguished; Acclaim's unit
     and inches, too, where `names` tell of a head and of feet. Any other unit is taken for the nearest of these:
-    distances then have another scale, which recognition does not depend on. A pelvis alone, by its `names`, is a fifth
-    of a person.
+    distances then have another scale, which recognition does not depend on. A pelvis, a hand, or a head alone, by its
+    `names`, is a fifth of a person.
     """
     seen = positions[np.isfinite(positions).all(axis=2).sum(axis=1) > 1]
     if not len(seen):
@@ -68,11 +70,14 @@ def guessed_metres(positions: NDArray[np.float64], names: Sequence[str] = ()) ->
     alien = far & (far.sum(axis=1, keepdims=True) <= np.minimum(_MAX_ALIEN, there // _ALIEN))
     own = np.where(alien[:, :, None], np.nan, some)
     size = float(np.median(np.linalg.norm(np.nanmax(own, axis=1) - np.nanmin(own, axis=1), axis=1)))
-    if names and all(any(word in name.lower() for word in WORDS["columns"]["pelvis"]) for name in names):
+    text, parts = " ".join(names).lower(), WORDS["columns"]["parts_of_body"] if names else ()
+    if any(all(any(word in name.lower() for word in part) for name in names) for part in parts):
         size *= 5
-    text = " ".join(names).lower()
     is_whole = "head" in text and ("foot" in text or "ankle" in text)
-    return next((metres for most, metres in _SIZES if size <= most and (is_whole or metres in (1.0, 0.01))), 0.001)
+    found = next((metres for most, metres in _SIZES if size <= most and (is_whole or metres in (1.0, 0.01))), 0.001)
+    # No laboratory is so large: these are the feet alone, say.
+    is_far = found == _SIZES[-1][1] and np.nanmedian(np.abs(some).max(axis=2)) > _FARTHEST
+    return 0.001 if is_far and not is_whole else found
 
 
 def from_middle(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -362,9 +367,7 @@ def _gaps(times: Times, begin: float) -> Iterator[tuple[float, float]]:
         yield float(times[place]) - begin, float(times[place + 1]) - begin
 
 
-def _between(
-    positions: Positions, before: NDArray[np.intp], after: NDArray[np.intp], share: NDArray[np.float64]
-) -> Positions:
+def _between(positions: Positions, before: NDArray[np.intp], after: NDArray[np.intp], share: Times) -> Positions:
     """Weigh two frames; at a frame's own time the frame itself is given, even if its neighbour lacks joints."""
     weighed = positions[before]
     moved = np.flatnonzero(share > 0)

@@ -38,8 +38,7 @@ _AXES = re.compile("w?xyz|0123?4?|1234?")
 _WORLD = frozenset({"world", "global"})
 #: An axis alone, in a table whose rows are joints.
 _AXIS = re.compile(
-    r"(?:(?:pos|position|translation|loc|location|coord|world|global|3d|[pt])[\W_]*){0,2}([xyz])(?:3d)?(?:[\W_]+(\w{1,11}))?[\W_]*",
-    re.IGNORECASE,
+    r"(?i)(?:(?:pos(?:ition)?|translation|loc(?:ation)?|coord|world|global|3d|[pt])[\W_]*){0,2}([xyz])(?:3d)?(?:[\W_]+(\w{1,11}))?[\W_]*"
 )
 #: Words of columns (`words.toml`).
 _TIMES, _SECONDS, _PARTS, _FRAMES, _LABELS, _VALUES, _FRONTS, _NO_PLACES, _NO_LENGTHS = (
@@ -137,11 +136,13 @@ def is_value(name: str) -> bool:
 
 def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
+    # Qualisys names no unit: its numbers are millimetres, those of hands or feet alone, too.
+    if any(row[:1] == ["MARKER_NAMES"] for row in rows) and any(re.match(r"-?\d{3}", cell) for cell in first[2:]):
+        rows = [["Units", "mm"], *rows]
     names = [row for row in rows if not is_numbers(row)]
     for place in range(len(names) - 1, max(len(names) - _DEEP, 0) - 1, -1):
         row, others = names[place], [each for each in rows if each is not names[place]]
-        if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
-            row = row[1:]
+        row = row[len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//") :]
         # R names no column for the numbers, or the names, of its rows; a time in front is none.
         is_of_r = len(row) == len(first) - 1 and first[-1] and "." not in first[0]
         row = _continued(["", *row] if is_of_r else row)
@@ -195,7 +196,7 @@ def _of_one(
                 found.setdefault(joint, {}).setdefault(named["axis"].lower(), []).append(place)
                 units.add("" if is_name else unit)
                 measures |= {joint} if unit.lower() in _NO_LENGTHS else set()
-        whole = {joint: axes for joint, axes in found.items() if _AXES.fullmatch("".join(sorted(axes)))}
+        whole = {name: each for name, each in found.items() if len(each) > 2 and _AXES.fullmatch("".join(sorted(each)))}
         turns = _turns([[each[0] for each in axes.values()] for axes in whole.values() if len(axes) == 4], first)
         ahead = {(*words[:-1],) for joint in whole if (words := words_of(joint))[-1:] == ["forward"]}
         others = [
@@ -288,9 +289,7 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     if min(map(axes.count, "xyz")) < _FEW or not ours or not names:
         return []
     # The joints' row, not one that says rates and units.
-    named = max(
-        names, key=lambda each: len(set.intersection(*({each[c] for c in ours if axes[c] == a} for a in "xyz")))
-    )
+    named = max(names, key=lambda one: len(set.intersection(*({one[c] for c in ours if axes[c] == a} for a in "xyz"))))
     threes = [ours[n : n + 3] for n in range(len(ours)) if [axes[column] for column in ours[n : n + 3]] == [*"xyz"]]
     is_over = _are_over(named, threes)
     if above and all((coordinate_of(names[-1][column]) or ("", ""))[1] == axes[column] for column in ours):
@@ -383,8 +382,7 @@ def _in_order(row: Sequence[str], size: int, first: Sequence[str]) -> list[str]:
     cells = [*filter(None, map(str.strip, row))]
     for each in (cells, " ".join(cells).split()):
         heads = [name for name in each[:2] if name == "MARKER_NAMES" or (_FRAMES | _TIMES) & {*words_of(name)}]
-        names = each[len(heads) :]
-        front = size - 3 * len(names)
+        names, front = each[len(heads) :], size - 3 * (len(each) - len(heads))
         # A tab may stand at a line's end, too.
         front -= front % 2 and not first[-1]
         if len(names) > 1 and 0 <= front < 3:
@@ -419,7 +417,8 @@ def _header(
             said.setdefault(kind, []).append(found[1])
     # Vicon's tables have the rate alone in a row, the nearest one above its part.
     alone = [number[1] for row in reversed(rows) if (number := _ALONE.fullmatch(" ".join(filter(None, row))))]
-    rates = map(float, (*said.get("rate", ()), *said.get("capture", ()), *alone))
+    beside = re.findall(r"(?i)(\d+\.?\d*) ?(?:hz|fps)\b", " ".join(names[column] for column in frames))
+    rates = map(float, (*said.get("rate", ()), *said.get("capture", ()), *alone, *beside))
     # A row of units may stand over the joints' columns, or below their names.
     over = [{row[column].strip("()[]. ").lower() for column in taken if column < len(row)} - {""} for row in rows]
     lengths = {each.lower() for each in units}.union(*(each for each in over if each <= {*METRES})) & {*METRES}

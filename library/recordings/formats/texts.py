@@ -11,10 +11,8 @@ from kinespace.library import memory
 MAX_LINE = 1_000_000
 
 
-def _encoding_of(path: Path) -> str:
+def encoding_of(begin: bytes) -> str:
     """Say by its first bytes in which encoding a text is: UTF-8, UTF-16, else Shift-JIS or Windows' Latin letters."""
-    with memory.opened(path) as file:
-        begin = file.read(memory.MAX_WITHOUT_MOTION)
     if begin[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     if begin[1:40:2].count(0) > 9:
@@ -32,7 +30,7 @@ def _encoding_of(path: Path) -> str:
 
 
 def lines_of(path: Path, most: int | None = None, *, encoding: str = "", errors: str = "strict") -> Iterator[str]:
-    """Read a text line by line, each with its end; in the encoding that `_encoding_of` finds when none is given.
+    """Read a text line by line, each with its end; in the encoding that `encoding_of` finds when none is given.
 
     Raises
     ------
@@ -42,9 +40,9 @@ def lines_of(path: Path, most: int | None = None, *, encoding: str = "", errors:
         The file cannot be opened.
     """
     left = memory.limit() if most is None else most
-    with io.TextIOWrapper(
-        memory.opened(path), encoding=encoding or _encoding_of(path), errors=errors, newline=""
-    ) as file:
+    with memory.opened(path) as file:
+        encoding = encoding or encoding_of(file.read(memory.MAX_WITHOUT_MOTION))
+    with io.TextIOWrapper(memory.opened(path), encoding=encoding, errors=errors, newline="") as file:
         while line := file.readline(MAX_LINE + 1):
             left -= len(line)
             if left < 0 or len(line) > MAX_LINE:

@@ -12,8 +12,10 @@ ezc3d can end the process. The frames are read here: the package's own loop take
 
 import io
 import math
+import struct
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ from kinespace.library.clip import Clip
 from kinespace.library.recordings.formats.errors import RecordingError
 from kinespace.library.recordings.formats.markers.marker_clip import clips_of_markers
 from kinespace.library.recordings.formats.measures import metres_of, words_of
+from kinespace.library.recordings.formats.texts import encoding_of
 
 #: Parameters of the group POINT in which files list the points that are no positions.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
@@ -39,13 +42,23 @@ def _opened(content: bytes) -> Any:  # noqa: ANN401 - the package has no types
     from c3d import Reader  # noqa: PLC0415 - only files of this kind need it
 
     class Lenient(Reader):  # type: ignore[misc]
-        """Believes the header where it and the parameters differ."""
+        """Believes the header where it and the parameters differ, and parameters before one that is damaged."""
+
+        whole = False
 
         def _check_metadata(self) -> None:
-            pass
+            self.whole = True
+
+        def __init__(self, file: io.BytesIO) -> None:
+            with suppress(struct.error, KeyError):
+                super().__init__(file)
 
     # Without the header's count of events, which may be beyond its places for them, and without the frames.
-    front = content[:300] + b"\0\0" + content[302 : (content[0] + 255) * _BLOCK]
+    front = bytearray(content[:300] + b"\0\0" + content[302 : (content[0] + 255) * _BLOCK])
+    # Parameters are read to their end where they have no count of blocks; another kind of processor is none.
+    place = (content[0] - 1) * _BLOCK + 2
+    blocks, maker = content[place : place + 2]
+    front[place : place + 2] = [blocks or 255, maker if maker in (84, 85, 86) else 84]
     with warnings.catch_warnings(action="ignore"):
         return Lenient(io.BytesIO(front))
 
@@ -59,7 +72,8 @@ def _texts(name: str, said: Any, group: str = "POINT") -> list[str]:  # noqa: AN
     held = [parameter for each in names if (parameter := said.get(f"{group}:{each}")) and parameter.bytes]
     if any(parameter.bytes_per_element != -1 for parameter in held):
         raise ValueError(f"expected texts in {group}:{name}, got numbers")
-    return [text.partition("\0")[0].strip() for each in held for text in each.string_array.ravel().tolist()]
+    fields = (field.partition(b"\0")[0].strip() for each in held for field in np.ravel(each.bytes_array).tolist())
+    return [field.decode(encoding_of(field), "replace") for field in fields]
 
 
 def _number(said: Any, name: str) -> float:  # noqa: ANN401
@@ -77,13 +91,11 @@ def _numbers(said: Any, content: bytes, block: int, scale: float, each: int) -> 
     size = (4 if scale < 0 else 2) * each
     held = held[: len(held) // size * size]
     order = ">" if said.proc_type == "MIPS" else "<"
-    if scale >= 0:
-        return np.frombuffer(held, f"{order}i2").reshape(-1, each)
-    if said.proc_type == "DEC":
+    if scale < 0 and said.proc_type == "DEC":
         # Its words are swapped, and its numbers are four times as large.
         held = np.frombuffer(held, "<u2").reshape(-1, 2)[:, ::-1].tobytes()
         return np.frombuffer(held, "<f4").reshape(-1, each) / 4
-    return np.frombuffer(held, f"{order}f4").reshape(-1, each)
+    return np.frombuffer(held, order + ("f4" if scale < 0 else "i2")).reshape(-1, each)
 
 
 def _announced(said: Any) -> int:  # noqa: ANN401
@@ -101,16 +113,24 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
 
     Where header and parameters differ those count by which `held` bytes are as many frames as announced.
     """
-    header = said.header
-    points = header.point_count, int(_number(said, "POINT:USED"))
+    header, points = said.header, (said.header.point_count, int(_number(said, "POINT:USED")))
+    per = round(_number(said, "ANALOG:RATE") / (_number(said, "POINT:RATE") or math.inf))
+    others = header.analog_count, int(_number(said, "ANALOG:USED")) * max(per, 1)
     scales = header.scale_factor, _number(said, "POINT:SCALE") or math.nan
 
-    def apart(kind: tuple[int, float]) -> float:
-        size = (4 if kind[1] < 0 else 2) * (4 * kind[0] + header.analog_count)
-        return abs(held / size - announced) if size and math.isfinite(kind[1]) else math.inf
+    def apart(kind: tuple[int, int, float]) -> float:
+        size = (4 if kind[2] < 0 else 2) * (4 * kind[0] + kind[1])
+        if not size or not math.isfinite(kind[2]):
+            return math.inf
+        return abs(held / size - announced) * (not 0 <= held - announced * size < _BLOCK)
 
-    count, scale = min(product(points, scales), key=apart) if announced else (points[0], scales[0])
-    return count, header.analog_count, scale
+    if not announced:
+        return points[0], others[0], scales[0]
+    best = min(product(points, others[:1], scales), key=apart)
+    # Other numbers may be counted wrong, and scales say whole numbers where there are reals: such a layout must fit,
+    # because files may be cut off, too.
+    guesses = product(points, others, (*scales, *(-each for each in scales if each > 0)))
+    return best if not apart(best) else next((each for each in guesses if not apart(each)), best)
 
 
 def _counted(said: Any, numbers: NDArray[np.float64], announced: int) -> int:  # noqa: ANN401
@@ -156,10 +176,9 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     fields = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
     positions = fields[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
     gone = fields[:, :, -1] < 0
-    if gone.all() and positions.any():
-        notes.append("residuals: all say that nothing was seen, beside places: the places are taken")
-    else:
-        positions[gone] = np.nan
+    unsaid = gone.all() & positions.any()
+    notes += ["residuals: all say that nothing was seen, beside places: the places are taken"] * bool(unsaid)
+    positions[gone & ~unsaid] = np.nan
     return positions, notes
 
 
@@ -191,10 +210,12 @@ def read_clips(
     OSError
         The file cannot be opened.
     """
-    content = memory.content(path, memory.limit())
+    # Some files begin with nothing.
+    content = memory.content(path, memory.limit()).lstrip(b"\0")
     try:
         said = _opened(content)
         positions, notes = _frames(said, content)
+        notes += ["parameters: one is damaged: those behind it are left out"] * (not said.whole)
         labels = [*(_texts("LABELS", said) or _texts("LABELS", said, "ROTATION")), *[""] * positions.shape[1]]
         labels = [label or f"*{number}" for number, label in enumerate(labels[: positions.shape[1]], start=1)]
         no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
@@ -212,8 +233,6 @@ def read_clips(
     if not rate:
         raise ValueError("expected a positive POINT:RATE, got 0; give it with --frame-rate")
     metres = metres_per_unit or metres_of(unit)
-    if unit and metres is None:
-        notes.append(f"units: {unit!r} is no unit: the body's size tells it; --unit names it")
-    return clips_of_markers(
-        path, [labels[index] for index in kept], positions[:, kept], rate, joints, metres=metres, notes=notes
-    )
+    notes += [f"units: {unit!r} is no unit: the body's size tells it; --unit names it"] * bool(unit and not metres)
+    names = [labels[index] for index in kept]
+    return clips_of_markers(path, names, positions[:, kept], rate, joints, metres=metres, notes=notes)

@@ -252,11 +252,9 @@ def _holds_together(positions: Positions) -> bool:
 
 def _left_out(names: Sequence[str], missing: NDArray[np.bool_], lost: NDArray[np.bool_]) -> list[str]:
     """Say in one line which markers are left out, and in which share of the frames each is not seen."""
-    if not lost.any():
-        return []
     shares = [(name, share) for name, share, gone in zip(names, missing.mean(axis=0), lost, strict=True) if gone]
     each = [f"{name} (never seen)" if share == 1 else f"{name} (not seen in {share:.0%})" for name, share in shares]
-    return [f"left out: {len(each)} of {len(names)} markers: {listed(each, _MAX_LISTED)}"]
+    return [f"left out: {len(each)} of {len(names)} markers: {listed(each, _MAX_LISTED)}"] if each else []
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -128,7 +128,7 @@ WRONG: list[tuple[str, str | bytes, str]] = [
     ("take.csv", b"PK\x03\x04\xff\xfe\x00", ": expected the columns"),
     *(("take.csv", HEADER + rows, ": no segment in it") for rows in ("", "3,4, \n")),
     ("take.csv", HEADER + "2,3,bow\n0,2.001,wave\n", r": 'wave' \(to 2.001\) and 'bow' \(from 2.0\) overlap"),
-    ("take.csv", "start_frame,end_frame,label\n0,468,a\n", ": expected start_s,end_s,label, got frame numbers: div"),
+    ("take.csv", "start_frame,end_frame,label\n0,468,a\n", ": expected the columns start_s, end_s, label, got frame"),
     ("take.csv", HEADER + "0,1," + "a" * 200_000 + "\n", ": expected a CSV, as"),
     ("take.txt", "0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: could not convert string to float: 'x'"),
     ("take.txt", "0.5\t1.5\twave\n3.0\t2.0\tbow\n", ":2: segment: expected 0 <= start < end, got 3.0 to 2.0"),

@@ -31,7 +31,7 @@ from kinespace.tools.feeding.service import Listener, answer_in
 #: A line on what is odd about a body or a file that could be read (`library.recordings.remarks`, `Clip.notes`).
 REMARK = re.compile(
     r"^[^:]*: (names not known|joints|flat|size|frame rate|"
-    r"frames|times|units|left out|not seen|twice|parts|no positions|positions): "
+    r"frames|times|units|left out|not seen|twice|parts|no positions|positions|parameters): "
 )
 #: The motions of the small library.
 SMALL_CLASSES = ("kickLFront1Reps", "lieDownFloor", "squat1Reps")

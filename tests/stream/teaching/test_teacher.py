@@ -24,13 +24,13 @@ class Stage:
     def __init__(self, roster: Roster | None = None) -> None:
         self.library = MotionLibrary.builtin()
         self.teacher = Teacher(self.library.skeleton, roster or Roster(), self.library.classes)
-        self.now, self.told = 0.0, list[Notice]()
+        self.now, self.behind, self.told = 0.0, 0.0, list[Notice]()
 
     def show(self, frames: Iterable[NDArray[np.float64]], rate: float = RATE) -> None:
         """Push frames; their own times are ahead of ours."""
         for positions in frames:
             self.now += 1 / rate
-            self.told += self.teacher.push(Frame("ann", 100 + self.now, positions), self.now)
+            self.told += self.teacher.push(Frame("ann", 100 + self.now - self.behind, positions), self.now)
             self.told += self.teacher.tick(self.now)
 
     def stand(self, seconds: float, place: int = 40) -> None:

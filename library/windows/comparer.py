@@ -295,7 +295,7 @@ def named_and_alone(logs: Numbers, weighing: Weighing) -> tuple[Numbers, Numbers
 
 
 def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:
-    """Take the mean of the two persons' least of each class, from (..., windows) to (..., classes).
+    """Take the mean of the two nearest persons' least of each class, from (..., windows) to (..., classes).
 
     Where several persons perform a class, the second nearest must agree: one person's way may resemble another motion.
     """

@@ -143,7 +143,7 @@ def _show_sums(title: str, rows: Sequence[Mapping[str, Any]], what: str, others:
     figures = f"motions {{motions}} | {others} {{{others}}} | seconds {{seconds:.1f}} | Hz {{rates}}"
     shown = [
         {**row, what: row[what] or "?", others: row[others] or "?"}
-        | {"rates": _in_short([f"{rate:g}" for rate in row["frame_rates"]])}
+        | {"rates": _in_short([*dict.fromkeys(f"{rate:g}" for rate in row["frame_rates"])])}
         for row in rows
     ]
     console.print(scores_of(shown, f"{what} {{{what}}}{indexed} | {figures}", title=title))

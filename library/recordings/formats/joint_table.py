@@ -265,8 +265,11 @@ class _Table:
     def even(self, cells: list[str]) -> list[str]:
         """Give a row of tabs without the markers behind all names, that come later, and with tabs that were cut off."""
         width = len(self.header.names) - (not self.header.names[-1])
-        self.extra = max(self.extra, (extra := sum(map(_is_finite, cells[width:]))) * (not extra % 3))
-        return cells if extra % 3 else [*cells[:width], *[""] * (self.needed - len(cells))]
+        extra = sum(map(_is_finite, cells[width:]))
+        if extra % 3:
+            return cells
+        self.extra = max(self.extra, extra)
+        return [*cells[:width], *[""] * (self.needed - len(cells))]
 
     @property
     def is_wide(self) -> bool:

@@ -5,10 +5,10 @@ from kinespace.library.distances import distance_rows
 from kinespace.library.library_file import LibraryFileError
 from kinespace.library.motion_library import NOTHING, MotionLibrary
 from kinespace.library.recordings import Reading, clips_of, find_recordings, read_recordings
-from kinespace.library.signature.basis import signature_of, similarity
 from kinespace.library.skeleton import Skeleton, SkeletonMismatchError
 from kinespace.library.windows.index import WindowIndex
 from kinespace.library.windows.opening import by_joints, opened
+from kinespace.library.windows.paper import signature_of, similarity
 
 __all__ = [
     "NOTHING",

@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library.windows.comparison import MAX_AXES, Weighing
+from kinespace.library.windows.comparison import MAX_AXES, NEAREST, Weighing
 
 Numbers = NDArray[np.float64]
 
@@ -132,8 +132,6 @@ class Head(NamedTuple):
         return added
 
 
-#: Added to 1 − |inner product|² before the logarithm.
-_SAME_PRODUCT = 1e-3
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
@@ -172,9 +170,9 @@ class Comparer(NamedTuple):
     windows
         For each group the windows' vectors, axes first, shape (axes, windows), or (directions, eigenvectors × windows).
     lengths
-        Their squared lengths plus `Weighing.nearest`, shape (groups, windows).
+        Their squared lengths plus `NEAREST`, shape (groups, windows).
     weights
-        The weight of each group in each view, shape (views, groups).
+        The weight of each group in each blend, shape (blends, groups).
     starts
         Where the windows of each person in each class start, and where the last ones end, shape (starts + 1,).
     persons
@@ -215,8 +213,8 @@ class Comparer(NamedTuple):
             The class and the person of each window, as numbers, shape (windows, 2); the windows of a class lie
             together.
         """
-        nearest, count = np.float32(weighing.nearest), len(whose)
-        lengths = np.array([_squares(each.astype(np.float32)) for each in vectors]) + nearest
+        count = len(whose)
+        lengths = np.array([_squares(each.astype(np.float32)) for each in vectors]) + np.float32(NEAREST)
         windows = tuple(np.ascontiguousarray(each.astype(np.float32).T.reshape(each.shape[-1], -1)) for each in vectors)
         new = np.any(whose[1:] != whose[:-1], axis=1)
         starts = np.concatenate([[0], np.flatnonzero(new) + 1, [count]])
@@ -242,10 +240,9 @@ class Comparer(NamedTuple):
 
         That is the vectors of their parts (`placed`), and of their groups (`joined`).
         """
-        weighing, products = self.weighing, np.abs(leading @ self.eigenvectors)
-        scores = np.maximum.reduceat(products, self.classes, axis=1).astype(np.float64)
-        logs = agreed(-products[None], self.starts, self.persons) if weighing.by_products else self.logs(vectors)
-        named, judged = named_and_alone(logs, weighing)
+        scores = np.maximum.reduceat(np.abs(leading @ self.eigenvectors), self.classes, axis=1).astype(np.float64)
+        logs = self.logs(vectors)
+        named, judged = named_and_alone(logs, self.weighing)
         if self.head:
             named += self.head.added(placed)
         if self.likelihood:
@@ -278,7 +275,7 @@ class Comparer(NamedTuple):
                 np.square(alike, out=alike)
                 np.subtract(1, 2 * np.add.reduce(alike.reshape(asked, -1, count), axis=1), out=own)
         squared += self.lengths[:, None]
-        np.maximum(squared, np.float32(self.weighing.nearest), out=squared)
+        np.maximum(squared, np.float32(NEAREST), out=squared)
         weighed = (self.weights @ np.log(squared, out=squared).reshape(groups, -1)).reshape(-1, asked, count)
         if added is not None:
             weighed += added
@@ -287,11 +284,9 @@ class Comparer(NamedTuple):
 
 def named_and_alone(logs: Numbers, weighing: Weighing) -> tuple[Numbers, Numbers]:
     """Give the log distances for naming, (..., classes), and by each group alone, from those by all `weights`."""
-    views = len(weighing.views)
-    named: Numbers = np.minimum.reduce(logs[:views])
-    if weighing.by_products:
-        named = np.log1p(_SAME_PRODUCT - np.square(np.maximum(named, -1.0)))
-    return named, logs[views:]
+    blends = len(weighing.blends)
+    named: Numbers = np.minimum.reduce(logs[:blends])
+    return named, logs[blends:]
 
 
 def agreed(numbers: NDArray[np.floating], starts: Indices, persons: Indices) -> Numbers:

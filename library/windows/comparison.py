@@ -2,7 +2,7 @@
 
 A group of parts is one vector: the parts' vectors one after another, mapped by a metric of their own where the group
 has several parts. The distance of two windows is a weighted mean of the logarithms of the groups' squared distances.
-Several views weigh the groups differently; a class's distance is its least over the views. One view has all parts, the
+Several blends weigh the groups differently; a class's distance is its least over the blends. One has all parts, the
 other the short parts: right after a change of motion only the short windows have left the motion before.
 
 A metric maps numbers to vectors whose distances distinguish motions, but not people. Differences between people who
@@ -196,38 +196,33 @@ class Weighing:
     ----------
     groups
         The parts of each vector.
-    views
-        For each view the weight of each group; a view's weights add up to 1.
+    blends
+        For each blend the weight of each group; a blend's weights add up to 1.
     first
         Seconds from a motion's start to the end of its first window in the library.
     eigenvectors
         Eigenvectors of an eigen part.
-    nearest
-        Added to squared distances before the logarithm: windows at a smaller distance count as the same.
-    by_products
-        Whether persons agree by their |inner products|, as in the paper, and not by their log distances. Then each pair
-        weighs as much in the basis as it varies; else every moving pair weighs alike.
-    judges
-        Whether unknown motion is recognised as such; if not, a guess is named unless its eigenvector is arbitrary.
+    as_in_paper
+        Whether windows are compared as in the paper (`library.windows.paper`). Then each pair weighs as much in the
+        basis as it varies, else every moving pair alike; and unknown motion is not recognised as such: a guess is named
+        unless its eigenvector is arbitrary.
 
     Raises
     ------
     ValueError
-        A view has another number of weights than there are groups, or its weights do not add up to 1.
+        A blend has another number of weights than there are groups, or its weights do not add up to 1.
     """
 
     groups: tuple[Group, ...]
-    views: tuple[tuple[float, ...], ...]
+    blends: tuple[tuple[float, ...], ...]
     first: float
     eigenvectors: int = EIGENVECTORS
-    nearest: float = NEAREST
-    by_products: bool = False
-    judges: bool = True
+    as_in_paper: bool = False
 
     def __post_init__(self) -> None:
-        for view in self.views:
-            if len(view) != len(self.groups) or not np.isclose(sum(view), 1.0):
-                raise ValueError(f"views: expected {len(self.groups)} weights that add up to 1, got {view}")
+        for blend in self.blends:
+            if len(blend) != len(self.groups) or not np.isclose(sum(blend), 1.0):
+                raise ValueError(f"blends: expected {len(self.groups)} weights that add up to 1, got {blend}")
 
     def without(self, kind: Kind) -> "Weighing":
         """Leave out the parts of one kind, to measure their worth; the other weights keep their proportions.
@@ -239,11 +234,11 @@ class Weighing:
         """
         groups = [tuple(part for part in group if part.kind is not kind) for group in self.groups]
         left = [place for place, group in enumerate(groups) if group]
-        views = [tuple(view[place] for place in left) for view in self.views]
-        scaled = tuple(tuple(weight / sum(view) for weight in view) for view in views if sum(view) > 0)
+        blends = [tuple(blend[place] for place in left) for blend in self.blends]
+        scaled = tuple(tuple(weight / sum(blend) for weight in blend) for blend in blends if sum(blend) > 0)
         if not scaled:
             raise ValueError(f"kind: expected some parts other than {kind}, got none")
-        return replace(self, groups=tuple(groups[place] for place in left), views=scaled)
+        return replace(self, groups=tuple(groups[place] for place in left), blends=scaled)
 
     @property
     def measured(self) -> tuple[Part, ...]:
@@ -252,9 +247,9 @@ class Weighing:
 
     @property
     def weights(self) -> tuple[tuple[float, ...], ...]:
-        """The weight of each group in all distances that are computed: the views, and below them each group alone."""
+        """The weight of each group in all distances that are computed: the blends, and below them each group alone."""
         alone = np.eye(len(self.groups)).tolist()
-        return (*self.views, *map(tuple, alone))
+        return (*self.blends, *map(tuple, alone))
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -266,28 +261,11 @@ class Weighing:
 #: others. Trend and the joint metric fit one laboratory and mislead in another (tests/TRIED.md).
 ACROSS_LABORATORIES = Weighing(
     groups=((EIGEN_LONG,), (EIGEN_SHORT,), (SPREAD_LONG,), (SPREAD_SHORT,), (POSTURE,)),
-    views=((2 / 9, 2 / 9, 2 / 9, 2 / 9, 1 / 9), (0.0, 1 / 3, 0.0, 1 / 3, 1 / 3)),
+    blends=((2 / 9, 2 / 9, 2 / 9, 2 / 9, 1 / 9), (0.0, 1 / 3, 0.0, 1 / 3, 1 / 3)),
     first=0.5,
 )
 #: Within a laboratory one metric over all parts also learns how parts vary together between people.
-WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), views=((0.5, 0.5),), first=FIRST_WINDOW)
-
-
-def by_paper(seconds: float) -> Weighing:
-    """Compare as Le Naour et al. (2012, section 3) do: the leading eigenvector of one window, by |inner products|.
-
-    With one eigenvector, a squared distance is 2 (1 − inner product²). The log distance of a class is the logarithm of
-    1 − product², of the mean product of its two nearest persons.
-    """
-    return Weighing(
-        groups=((Part(Kind.EIGEN, seconds),),),
-        views=((1.0,),),
-        first=FIRST_WINDOW,
-        eigenvectors=1,
-        nearest=0.0,
-        by_products=True,
-        judges=False,
-    )
+WITHIN_LABORATORY = Weighing(groups=(PARTS, SHORT_PARTS), blends=((0.5, 0.5),), first=FIRST_WINDOW)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

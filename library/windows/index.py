@@ -21,6 +21,7 @@ from kinespace.library.windows.comparer import Comparer, Distances, Head, Likeli
 from kinespace.library.windows.comparison import Comparison, Weighing
 from kinespace.library.windows.courses import Courses
 from kinespace.library.windows.cutting import Cut, Measured, every_in, placed
+from kinespace.library.windows.paper import PaperComparer
 from kinespace.library.windows.rejection import Rejection, rejection_of
 from kinespace.library.windows.segments import Segments
 from kinespace.library.windows.taught import taught_by, teacher_of, usual_weighing
@@ -123,14 +124,15 @@ class WindowIndex:
     def comparer(self) -> Comparer:
         """The windows as a live window is compared with them."""
         # What judges a guess where the library cannot learn what is unknown.
-        judged = self.comparison.weighing.judges and self.rejection.by_likelihood
-        likelihood = Likelihood.of(self.vectors) if judged else None
+        likelihood = Likelihood.of(self.vectors) if self.rejection.by_likelihood else None
         return self._windows._replace(likelihood=likelihood, head=self.head and self.head.of_classes(self.classes))
 
     def distances(self, signatures: Sequence[Signature]) -> list[Distances]:
         """Compare some windows with all windows, together: then the library's come from memory once."""
-        numbers = {part: np.array([each.parts[part] for each in signatures]) for part in signatures[0].parts}
         leading = np.array([each.leading for each in signatures], dtype=np.float32)
+        if self.comparison.weighing.as_in_paper:
+            return PaperComparer(self._windows).distances(leading)
+        numbers = {part: np.array([each.parts[part] for each in signatures]) for part in signatures[0].parts}
         placed = self.comparison.placed(numbers)
         return self.comparer.distances(leading, placed.values(), self.comparison.joined(numbers, placed))
 

@@ -235,7 +235,7 @@ def by_likelihood(classes: int) -> Rejection:
 def rejection_of(index: "WindowIndex") -> Rejection:
     """Give a library's rejection: as strangers' motions taught it, else as its own do."""
     library, weighing = index.library, index.comparison.weighing
-    if not weighing.judges:
+    if weighing.as_in_paper:
         return by_likelihood(len(index.classes))
     # Strangers' motions taught numbers for all groups: without some parts the library's own motions teach.
     if not library.judged_by_strangers or weighing != usual_weighing(library):

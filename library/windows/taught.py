@@ -70,7 +70,7 @@ def taught_by(
     """
     if kept := kept_of(teacher, weighing):
         return *kept, None, None
-    basis = learned_basis(teacher, weighted=not weighing.by_products)
+    basis = learned_basis(teacher, weighted=not weighing.as_in_paper)
     lessons = Measured.of(teacher, EVERY_SEVERAL, weighing.first).thinned(_MAX_LESSONS)
     cut = cut_windows(lessons.clips, lessons.ends, Body.of(teacher.skeleton), basis, weighing)
     comparison = Comparison.learned(weighing, cut[0], _whose(teacher)[lessons.motions])

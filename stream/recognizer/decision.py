@@ -216,14 +216,14 @@ class Decision:
         self._decided_at = frame.time
         guess, lead = self._follow(distances, classes, elapsed)
         known, evidence, self.evident = True, None, None
-        if weighing.judges:
+        if not weighing.as_in_paper:
             evidence, rejection = Evidence.of(found.judged, classes.index(guess), window.noise), index.rejection
             logit = rejection.logit(evidence, guess)
             self._judged = average, known = averaged(self._judged, logit, window.threshold, elapsed, rejection)
             unknown = rejection.thresholds.item(_RATE_BESIDE if guess in self._beside else 0)
             self.evident = guess, average - unknown
         outcome = Outcome.NAMED if known and guess != NOTHING else Outcome.UNKNOWN
-        if not weighing.judges and signature.gap < _SMALLEST_GAP:
+        if weighing.as_in_paper and signature.gap < _SMALLEST_GAP:
             outcome = Outcome.AMBIGUOUS
         if signature.movement < self._stillness:
             outcome = Outcome.STILL

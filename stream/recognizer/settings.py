@@ -7,7 +7,7 @@ from numbers import Real
 from typing import Literal
 
 from kinespace.library import MotionLibrary, WindowIndex, opened
-from kinespace.library.windows.comparison import by_paper
+from kinespace.library.windows.paper import by_paper
 from kinespace.stream.recognizer.fitting import kinds_of
 
 #: Share of unknown time that may be named where strangers' motions taught the library unknown motion.
@@ -189,8 +189,8 @@ def _is_one_persons(library: MotionLibrary) -> bool:
 def threshold_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False) -> float:
     """Give the evidence, as a logit, from which a guess is known; less is named where joints are left out (`of_fewer`).
 
-    Of no effect where the comparison does not judge.
+    Of no effect by the paper's signature.
     """
-    if not index.comparison.weighing.judges:
+    if index.comparison.weighing.as_in_paper:
         return -math.inf
     return index.rejection.threshold_at(sensitivity_for(index.library, settings) * (_FEWER if of_fewer else 1.0))

@@ -54,7 +54,7 @@ class Twin:
 
     def named(self, numbers: Mapping[tuple[str, float], Matrix], views: Matrix) -> Matrix:
         """Give each class's log distance for naming: the least of the views, and what the head that was taught adds."""
-        views = views[: len(self.index.comparison.weighing.views)]
+        views = views[: len(self.index.comparison.weighing.blends)]
         head = self.index.head
         if head is None:
             return views.min(axis=0)

@@ -169,6 +169,6 @@ def plain_index(seconds: float, joints: int) -> WindowIndex:
     body = Body.of(Skeleton(tuple(f"joint{place}" for place in range(joints))))
     pairs = len(body.sizing)
     parts = Part(Kind.EIGEN, seconds), Part(Kind.SPREAD, seconds)
-    weighing = Weighing(groups=(parts,), views=((1.0,),), first=seconds)
+    weighing = Weighing(groups=(parts,), blends=((1.0,),), first=seconds)
     basis, none = Basis.of(np.eye(pairs), np.ones(pairs), 1.0), np.empty(0)
     return WindowIndex(MotionLibrary.builtin(), body, basis, Comparison(weighing, {}, ()), (), none, none)

@@ -10,38 +10,39 @@ from synthetic import stick_clips
 from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import EIGEN_LONG, EIGEN_SHORT, PARTS, POSTURE, SPREAD_LONG, Kind, Signature
 from kinespace.library.windows import comparison
-from kinespace.library.windows.comparer import Head, named_and_alone
+from kinespace.library.windows.comparer import Comparer, Head, named_and_alone
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES, Weighing, learned_metric
 from kinespace.library.windows.cutting import Measured, window_ends
+from kinespace.library.windows.paper import PaperComparer, by_paper
 
-#: One view of two groups, and one that sees postures alone.
+#: One blend of two groups, and one that sees postures alone.
 SMALL = Weighing(
     groups=((EIGEN_LONG, SPREAD_LONG), (EIGEN_SHORT,), (POSTURE,)),
-    views=((0.5, 0.25, 0.25), (0.0, 0.0, 1.0)),
+    blends=((0.5, 0.25, 0.25), (0.0, 0.0, 1.0)),
     first=0.5,
 )
 
 
-@pytest.mark.parametrize("views", [((0.5, 0.5),), ((0.5, 0.5, 0.5),), ((0.5, 0.25, 0.25), (1.0, 0.0, 0.1))])
-def test_weights_that_do_not_add_up_are_refused(views: tuple[tuple[float, ...], ...]) -> None:
+@pytest.mark.parametrize("blends", [((0.5, 0.5),), ((0.5, 0.5, 0.5),), ((0.5, 0.25, 0.25), (1.0, 0.0, 0.1))])
+def test_weights_that_do_not_add_up_are_refused(blends: tuple[tuple[float, ...], ...]) -> None:
     """The message says how many weights there should be."""
     with pytest.raises(ValueError, match="3 weights that add up to 1"):
-        replace(SMALL, views=views)
+        replace(SMALL, blends=blends)
 
 
 @pytest.mark.parametrize("weighing", [ACROSS_LABORATORIES, comparison.WITHIN_LABORATORY], ids=["across", "within"])
 @pytest.mark.parametrize("kind", Kind)
 def test_without_a_kind(weighing: Weighing, kind: Kind) -> None:
-    """No part of the kind is left, all others are, each once, and the weights of each view add up to 1."""
+    """No part of the kind is left, all others are, each once, and the weights of each blend add up to 1."""
     fewer = weighing.without(kind)
     expected = [part for part in PARTS if part in weighing.parts and part.kind is not kind]
     assert sorted(fewer.parts) == sorted(expected)
-    assert 1 <= len(fewer.views) <= len(weighing.views)
+    assert 1 <= len(fewer.blends) <= len(weighing.blends)
 
 
-def test_below_the_views_each_group_is_compared_alone() -> None:
-    """Two views of three groups make five rows of weights; the views name a class, and the rest is evidence."""
-    assert np.array_equal(SMALL.weights, [*SMALL.views, (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+def test_below_the_blends_each_group_is_compared_alone() -> None:
+    """Two blends of three groups make five rows of weights; the blends name a class, and the rest is evidence."""
+    assert np.array_equal(SMALL.weights, [*SMALL.blends, (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     logs = np.array([[3.0, 1.0], [2.0, 5.0], [7.0, 8.0], [0.0, 1.0], [2.0, 2.0]])
     named, alone = named_and_alone(logs, SMALL)
     assert named.tolist() == [2.0, 1.0]
@@ -49,12 +50,18 @@ def test_below_the_views_each_group_is_compared_alone() -> None:
 
 
 def test_the_papers_weighing_names_by_products() -> None:
-    """Negative |inner products| become log(1 − product²), and rounding above 1 makes no NaN."""
-    paper = comparison.by_paper(0.7)
+    """A class is the mean of its two nearest persons' products, as log(1 − product²); rounding above 1 makes no NaN."""
+    paper = by_paper(0.7)
     assert paper.groups == (((Kind.EIGEN, 0.7),),)
-    assert (paper.judges, paper.by_products, paper.eigenvectors) == (False, True, 1)
-    named, _ = named_and_alone(np.array([[-0.5, -1.0000001, 0.0], [0.0, 0.0, 0.0]]), paper)
-    assert named == pytest.approx(np.log([0.751, 0.001, 1.001]))
+    assert (paper.as_in_paper, paper.eigenvectors) == (True, 1)
+    axes = np.array([[0.6, 0], [0.4, 0], [0.2, 0.9], [-1.0000001, 0], [0, 1]], dtype=np.float32)
+    # Two persons and a third in the first class, of whom the third is far; one person each in the others.
+    whose = np.array([[0, 0], [0, 1], [0, 2], [1, 0], [2, 0]])
+    comparer = PaperComparer(Comparer.of(paper, [axes[:, None].astype(np.float16)], axes, whose))
+    (found,) = comparer.distances(np.array([[1, 0]], dtype=np.float32))
+    assert found.named == pytest.approx(np.log([0.751, 0.001, 1.001]))
+    assert found.scores == pytest.approx([0.6, 1.0000001, 0.0])
+    assert not found.judged.size
 
 
 def _windows(*, people: int = 3, seed: int = 4) -> tuple[np.ndarray, np.ndarray]:

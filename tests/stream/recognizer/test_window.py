@@ -10,7 +10,7 @@ from twins import Twin
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, distance_rows
 from kinespace.library.signature.parts import Kind, Signature
-from kinespace.library.windows.comparison import by_paper
+from kinespace.library.windows.paper import by_paper
 from kinespace.stream.recognizer.window import MAX_FEED_RATE, NOISY, RowSmoother, Window
 
 #: Largest error of a part of the distances, and of the matrix of scaled eigenvectors. A rigid distance's deviation is
@@ -53,7 +53,7 @@ def _check(live: Window, signature: Signature | None, index: WindowIndex, times:
     assert signature.gap == pytest.approx(1 - values[1] / values[0], abs=1e-6)
     assert np.linalg.norm(matrix @ vector - values[0] * vector) <= 1e-6 * values[0]
     # Movement is read off the longest window of distances.
-    seconds = 1.0 if index.comparison.weighing.judges else live.seconds
+    seconds = live.seconds if index.comparison.weighing.as_in_paper else 1.0
     last = times > times[-1] - seconds + 1e-6
     moved = naive_windows.moved(naive_windows.moments(times[last], rows[last]))
     assert signature.movement == pytest.approx(moved)

@@ -84,7 +84,7 @@ def _due(twin: Twin, frames: Sequence[Frame], settings: Settings) -> Iterator[Du
             continue
         numbers = twin.numbers(hop.time, hop.times, hop.rows)
         views = twin.log_distances(numbers)
-        by_groups = views[len(index.comparison.weighing.views) :]
+        by_groups = views[len(index.comparison.weighing.blends) :]
         judged = twin.unlikelihoods(numbers) if index.rejection.by_likelihood else by_groups
         movement = naive_windows.moved(naive_windows.moments(*hop.last(1.0)))
         yield Due(hop.time, twin.named(numbers, views), judged, hop.noise, movement)
@@ -180,7 +180,7 @@ def test_another_library_and_its_weights(clips: list[Clip], builtin_index: Windo
     motions = builtin_index.library.motions
     kept = [place for place, motion in enumerate(motions) if motion.actor in ("bd", "tr") and motion.take < "004"]
     twin = Twin(builtin_index.of_some(kept))
-    assert len(twin.index.comparison.weighing.views) == 2
+    assert len(twin.index.comparison.weighing.blends) == 2
     assert len(_compare(twin, _frames(clips[0], range(0, clips[0].frames, 4)))) > 15
 
 

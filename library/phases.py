@@ -1,4 +1,4 @@
-"""The moments of a library's motions with their phases: a live body is compared with them to find its progress.
+"""The keyframes of a library's motions with their phases: a live body is compared with them to find its progress.
 
 A recording's own relative time is a poor phase: some recordings stand still before the motion, some after it. Every
 recording is warped onto others of its class (dynamic time warping, Sakoe and Chiba 1978), each of them gives it a
@@ -20,14 +20,14 @@ from kinespace.library.signature.body import Body
 from kinespace.library.windows.comparison import whitened
 
 #: Keyframes of a recording that are kept, a second.
-MOMENTS_PER_SECOND = 15.0
-#: Seconds over which a moment's velocity is taken.
-VELOCITY_SECONDS = 2 / MOMENTS_PER_SECOND
+KEYFRAMES_PER_SECOND = 15.0
+#: Seconds over which a keyframe's velocity is taken.
+VELOCITY_SECONDS = 2 / KEYFRAMES_PER_SECOND
 #: Weight of a velocity relative to a posture, both in the basis.
 VELOCITY = 3.0
 #: The share of the scatter between actors that is replaced by equal scatter.
 _SHRINKAGE = 0.1
-#: Axes that are kept of posture and velocity: along the others moments differ no more than actors do.
+#: Axes that are kept of posture and velocity: along the others keyframes differ no more than actors do.
 _AXES = 24
 #: Seconds over which the swing of the body is measured.
 SWING_SECONDS = 1.0
@@ -38,26 +38,27 @@ _SAME_PLACE, _SAME_DIRECTION = 0.35, 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframes:
-    """The moments of the recordings of one class, every recording at the same phases, from 0 to 1 in equal steps.
+    """The keyframes of the recordings of one class, every recording at the same phases, from 0 to 1 in equal steps.
 
     Attributes
     ----------
     clips, phases
-        The recordings, and of each the phase of each of its own moments, shape (own moments,).
+        The recordings, and of each the phase of each of its own keyframes, shape (own keyframes,).
     moving
-        Posture and velocity in the basis, shape (recordings, moments, 2 × directions).
+        Posture and velocity in the basis, shape (recordings, keyframes, 2 × directions).
     speeds
-        Mean squared length of each moment's velocity, relative to the library's mean recording, (recordings, moments).
+        Mean squared length of each keyframe's velocity, relative to the library's mean recording, shape (recordings,
+        keyframes).
     usual_speeds
-        Mean of `speeds` over the recordings, (moments,).
+        Mean of `speeds` over the recordings, (keyframes,).
     usual_swings
-        Log of the swing over the last second of a recording, mean over the recordings, (moments,).
+        Log of the swing over the last second of a recording, mean over the recordings, (keyframes,).
     seconds
         Mean length of the recordings.
     cyclic
         Whether the recordings end as they begin, so that one can follow another.
     vectors
-        Posture and velocity, whitened by the differences of actors at the same phase, (recordings, moments, numbers):
+        Posture and velocity, whitened by the differences of actors at the same phase, (recordings, keyframes, numbers):
         the only numbers that depend on other classes.
     """
 
@@ -74,12 +75,12 @@ class Keyframes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseTable:
-    """The moments and the basis from which the progress of a body is computed.
+    """The keyframes and the basis from which the progress of a body is computed.
 
     Attributes
     ----------
     classes
-        The moments of each class.
+        The keyframes of each class.
     whitening
         Posture and velocity times this are a vector of the table, shape (2 × directions, numbers).
     basis
@@ -115,7 +116,7 @@ _KNOWN = WeakKeyDictionary[Basis, dict[tuple[Clip, ...], Keyframes]]()
 
 
 def _keyframes(clips: tuple[Clip, ...], body: Body, basis: Basis) -> Keyframes:
-    """Find the moments of a class, without vectors."""
+    """Find the keyframes of a class, without vectors."""
     points = [points_of(clip, body, basis) for clip in clips]
     moving, half = [with_velocity(each) for each in points], basis.directions.shape[1]
     scale = math.sqrt(np.mean([each.var(axis=0).mean() for each in moving])) or 1.0
@@ -126,7 +127,7 @@ def _keyframes(clips: tuple[Clip, ...], body: Body, basis: Basis) -> Keyframes:
     read, mean = _read(moving, at), float(lengths.mean())
     speeds = (read[:, :, half:] ** 2).sum(axis=2) * (lengths[:, None] / mean) ** 2
     swings = _read([_swings(each) for each in points], at).mean(axis=0)
-    seconds = (mean - 1) / MOMENTS_PER_SECOND
+    seconds = (mean - 1) / KEYFRAMES_PER_SECOND
     return Keyframes(clips, phases, read, speeds, speeds.mean(axis=0), swings, seconds, cyclic)
 
 
@@ -140,8 +141,8 @@ def _read(rows: Sequence[NDArray[np.float64]], at: Sequence[NDArray[np.float64]]
 
 
 def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
-    """Give the points in the basis, relative to the body's size, of a clip's moments, shape (moments, directions)."""
-    times = np.arange(round(clip.duration * MOMENTS_PER_SECOND) + 1) / MOMENTS_PER_SECOND
+    """Give a clip's keyframes as points in the basis, relative to the body's size, shape (keyframes, directions)."""
+    times = np.arange(round(clip.duration * KEYFRAMES_PER_SECOND) + 1) / KEYFRAMES_PER_SECOND
     frames = np.minimum(np.rint(times * clip.frame_rate).astype(int), clip.frames - 1)
     rows = distance_rows(clip.positions[frames], clip.skeleton)
     relative: NDArray[np.float64] = rows @ basis.directions / body.size(rows).mean()
@@ -149,11 +150,11 @@ def points_of(clip: Clip, body: Body, basis: Basis) -> NDArray[np.float64]:
 
 
 def with_velocity(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Append to each point its movement in the last `VELOCITY_SECONDS`, weighted, (moments, 2 × directions).
+    """Append to each point its movement in the last `VELOCITY_SECONDS`, weighted, (keyframes, 2 × directions).
 
     The first points have no past: they get the velocity with which the recording begins.
     """
-    lag = round(VELOCITY_SECONDS * MOMENTS_PER_SECOND)
+    lag = round(VELOCITY_SECONDS * KEYFRAMES_PER_SECOND)
     later = np.minimum(np.maximum(np.arange(len(points)), lag), len(points) - 1)
     velocity = points[later] - points[np.maximum(later - lag, 0)]
     return np.hstack([points, VELOCITY * velocity])
@@ -167,7 +168,7 @@ def _whitening(moving: Iterable[NDArray[np.float64]], width: int) -> NDArray[np.
 
 
 def _telling(moving: Collection[NDArray[np.float64]], whitening: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Keep the axes along which the moments of a class differ most, in the mean of the classes."""
+    """Keep the axes along which the keyframes of a class differ most, in the mean of the classes."""
     if not moving:
         return whitening
     spreads = np.mean([(each @ whitening).var(axis=(0, 1)) for each in moving], axis=0)
@@ -187,8 +188,8 @@ def _is_cyclic(points: Sequence[NDArray[np.float64]], velocities: Sequence[NDArr
 
 
 def _swings(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Log of the swing over the last second at each moment; at the beginning over the time that has passed."""
-    span = round(SWING_SECONDS * MOMENTS_PER_SECOND)
+    """Log of the swing over the last second at each keyframe; at the beginning over the time that has passed."""
+    span = round(SWING_SECONDS * KEYFRAMES_PER_SECOND)
     windows = (points[max(0, end - span) : end + 1] for end in range(len(points)))
     return np.array([log_swing(float(each.var(axis=0).sum())) for each in windows])
 

@@ -91,7 +91,7 @@ class Look(NamedTuple):
         return Look(self.done or before.done, before.seen if begins else self.seen)
 
 
-class Asked(NamedTuple):
+class EndingWindows(NamedTuple):
     """Windows that end now, to be compared with the library's motions (`costs_of`).
 
     Attributes
@@ -121,21 +121,21 @@ class Asked(NamedTuple):
     limits: NDArray[np.float32]
 
 
-def costs_of(asked: Sequence[Asked]) -> list[NDArray[np.float32]]:
+def costs_of(ending: Sequence[EndingWindows]) -> list[NDArray[np.float32]]:
     """Give each window's cost, relative to the limits, by whole motions and by first parts: shape (windows, pieces).
 
     Infinite where no window is near the limit, or where it is not free. The windows of several performers, of one
     library, are compared together: then the library's motions come from memory once.
     """
-    courses, counts = asked[0].courses, [len(each.points) for each in asked]
-    windows = Pieces.of(np.concatenate([each.points for each in asked]), courses.whitening)
-    sizes = np.repeat(np.array([each.size for each in asked], dtype=np.float32), counts)
+    courses, counts = ending[0].courses, [len(each.points) for each in ending]
+    windows = Pieces.of(np.concatenate([each.points for each in ending]), courses.whitening)
+    sizes = np.repeat(np.array([each.size for each in ending], dtype=np.float32), counts)
     windows = windows._replace(lengths=windows.lengths / sizes)
     limits = windows.shared(courses.pieces)
-    limits *= np.concatenate([each.limits for each in asked])
+    limits *= np.concatenate([each.limits for each in ending])
     near = courses.screen.costs_at_least(windows.courses) < _NEAR * limits
     near &= windows.as_far(courses.pieces)
-    near &= np.concatenate([each.free for each in asked])[:, None]
+    near &= np.concatenate([each.free for each in ending])[:, None]
     # Flat, which is found ten times as fast.
     costs, pairs = np.full(near.shape, np.inf, dtype=np.float32), divmod(near.ravel().nonzero()[0], near.shape[1])
     some = (each.courses.take(place, axis=0) for each, place in zip((windows, courses.pieces), pairs, strict=True))
@@ -229,7 +229,7 @@ class DoneFollower:
                 growth[place] = min(max(math.exp(_GROWTH * best[name]), _LEAST_GROWTH), most)
         return growth
 
-    def push(self, times: list[float], positions: NDArray[np.float64]) -> Asked | None:
+    def push(self, times: list[float], positions: NDArray[np.float64]) -> EndingWindows | None:
         """Take in the body's positions, (frames, joints, 3), metres, at times in seconds.
 
         Returns
@@ -243,7 +243,7 @@ class DoneFollower:
         if times[-1] - self.time < (_LOOKS_EVERY - _ROUNDING) * STEP:
             return None
         self._follow()
-        return self._asked()
+        return self._ending()
 
     def _follow(self) -> None:
         """Put the positions that came on the path, `STEP` after `STEP`."""
@@ -271,7 +271,7 @@ class DoneFollower:
         self._points = np.concatenate([self._points, new])[-self._longest :]
         self._ways = np.concatenate([self._ways[:-1], ways])[-self._longest :]
 
-    def _asked(self) -> Asked:
+    def _ending(self) -> EndingWindows:
         """Give the windows that end now."""
         ways = self._ways
         last = len(ways) - 1
@@ -286,15 +286,15 @@ class DoneFollower:
         # A window must lie behind the motion before.
         free, growth = self.time - counts * STEP >= self._over - _ROUNDING, self._growth()
         limits = self._limits[kept] * growth[self._of_piece]
-        return Asked(self._courses, points, self._size, counts, free, growth, limits)
+        return EndingWindows(self._courses, points, self._size, counts, free, growth, limits)
 
-    def look(self, asked: Asked, costs: NDArray[np.float32]) -> Look:
+    def look(self, ending: EndingWindows, costs: NDArray[np.float32]) -> Look:
         """Say what the windows that were asked for show by their costs (`costs_of`)."""
-        motions, begins = len(self._courses.seconds), len(self._ways) - 1 - asked.counts
-        costs[asked.counts * STEP < _SHORTEST, :motions] = np.inf
+        motions, begins = len(self._courses.seconds), len(self._ways) - 1 - ending.counts
+        costs[ending.counts * STEP < _SHORTEST, :motions] = np.inf
         return self._sees(
-            self._nearest(costs[:, :motions], begins, asked.growth, whole=True),
-            self._nearest(costs[:, motions:], begins, asked.growth, whole=False),
+            self._nearest(costs[:, :motions], begins, ending.growth, whole=True),
+            self._nearest(costs[:, motions:], begins, ending.growth, whole=False),
         )
 
     def _nearest(

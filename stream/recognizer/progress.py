@@ -1,7 +1,7 @@
-"""A performer's progress in a motion, its speed and its size: a forward filter over the moments of the library.
+"""A performer's progress in a motion, its speed and its size: a forward filter over the keyframes of the library.
 
-The filter holds the probability of each moment of each recording of the class (a hidden Markov model whose states are
-the moments; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
+The filter holds the probability of each keyframe of each recording of the class (a hidden Markov model whose states are
+the keyframes; Bevilacqua et al. 2010 follow one recording in this way). Each step moves every probability on along its
 recording, lets some change to other recordings at the same phase, and weighs all by their likeness to the live body.
 """
 
@@ -14,9 +14,9 @@ from kinespace.library import phases
 from kinespace.library.phases import Keyframes, PhaseTable
 from kinespace.stream.recognition import Progress
 
-#: Seconds between two steps of the filter: two steps a moment at the library's speed.
-STEP = 0.5 / phases.MOMENTS_PER_SECOND
-#: Probabilities that a step goes on by 0, 1, 2 moments: standing still to four times the library's speed.
+#: Seconds between two steps of the filter: two steps a keyframe at the library's speed.
+STEP = 0.5 / phases.KEYFRAMES_PER_SECOND
+#: Probabilities that a step goes on by 0, 1, 2 keyframes: standing still to four times the library's speed.
 _GOES_ON = (0.55, 0.36, 0.09)
 #: Probabilities that a step changes to another recording at the same phase, and that it begins again.
 _CHANGES, _BEGINS = 0.1, 1e-6
@@ -50,7 +50,7 @@ class ProgressFollower:
     Parameters
     ----------
     table
-        The moments of the library's motions.
+        The keyframes of the library's motions.
     """
 
     def __init__(self, table: PhaseTable) -> None:
@@ -116,9 +116,9 @@ class ProgressFollower:
     def _begin(self, class_name: str | None) -> None:
         """Begin to follow another class, by replaying the last half second into a new filter."""
         self._class_name, self.progress, self._filter = class_name, None, None
-        moments = self._table.classes.get(class_name) if class_name else None
-        if moments:
-            self._filter = _Filter(str(class_name), moments, self._table.whitening)
+        keyframes = self._table.classes.get(class_name) if class_name else None
+        if keyframes:
+            self._filter = _Filter(str(class_name), keyframes, self._table.whitening)
             self._step_through(_REPLAYED + 1)
 
     def _step_through(self, most: int) -> None:
@@ -130,21 +130,21 @@ class ProgressFollower:
 
 
 class _Filter:
-    """The forward filter of one class: it believes in each moment of each recording, (recordings, moments)."""
+    """The forward filter of one class: it believes in each keyframe of each recording, (recordings, keyframes)."""
 
-    def __init__(self, class_name: str, moments: Keyframes, whitening: NDArray[np.float64]) -> None:
-        self._class_name, self._moments, self._whitening = class_name, moments, whitening
-        recordings, count = moments.speeds.shape
+    def __init__(self, class_name: str, keyframes: Keyframes, whitening: NDArray[np.float64]) -> None:
+        self._class_name, self._keyframes, self._whitening = class_name, keyframes, whitening
+        recordings, count = keyframes.speeds.shape
         self._phases = np.linspace(0.0, 1.0, count)
         first = self._phases < _FIRST_PHASES
         later = np.where(first, 0.0, (1 - self._phases) ** _FALLING)
-        #: How probably it begins at each moment, shape (moments,).
+        #: How probably it begins at each keyframe, shape (keyframes,).
         self._beginning = (_AT_START * first / first.sum() + (1 - _AT_START) * later / later.sum()) / recordings
         self._belief = np.tile(self._beginning, (recordings, 1))
-        self._lengths = np.square(moments.vectors).sum(axis=2)
+        self._lengths = np.square(keyframes.vectors).sum(axis=2)
         self._squares = self._expected = self._usual = self._weight = 0.0
         self._swing = self._swings = 0.0
-        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(moments.speeds.mean())
+        self._speed, self._floor = 1.0, _PRIOR_SPEED * float(keyframes.speeds.mean())
         self._scrub = 0.0
         self._cycles, self._last = 0, 0.0
 
@@ -154,39 +154,39 @@ class _Filter:
         velocity = phases.VELOCITY * (some[-1] - some[max(len(some) - 1 - _BACK_POINTS, 0)])
         live = (np.concatenate([some[-1], velocity]) @ self._whitening).astype(np.float32)
         self._belief = belief = self._weighed(self._goes_on(), live)
-        at, moments = belief.sum(axis=0), self._moments
+        at, keyframes = belief.sum(axis=0), self._keyframes
         self._measure(
-            float(velocity @ velocity), float((belief * moments.speeds).sum()), float(at @ moments.usual_speeds)
+            float(velocity @ velocity), float((belief * keyframes.speeds).sum()), float(at @ keyframes.usual_speeds)
         )
-        swing = phases.log_swing(float(some.var(axis=0).sum())) - float(at @ moments.usual_swings)
+        swing = phases.log_swing(float(some.var(axis=0).sum())) - float(at @ keyframes.usual_swings)
         self._swing = _SIZE_KEPT * self._swing + swing
         self._swings = _SIZE_KEPT * self._swings + 1
-        # Half the probability lies below the phase; of the first moment's all lies behind it, of the last one's before.
+        # Half the probability lies below the phase: all of the first keyframe's lies behind it, of the last one's before.
         phase = float(np.interp(0.5, at.cumsum() - self._phases * at, self._phases))
         return self._answer(phase, float(at[np.abs(self._phases - phase) <= _NEAR].sum()))
 
     def _goes_on(self) -> NDArray[np.float64]:
-        """Move the probability of every moment on by a step."""
+        """Move the probability of every keyframe on by a step."""
         belief, (stay, one, two) = self._belief, _GOES_ON
         after: NDArray[np.float64] = stay * belief
         after[:, 1:] += one * belief[:, :-1]
         after[:, 2:] += two * belief[:, :-2]
         beyond = (one + two) * belief[:, -1] + two * belief[:, -2]
-        again = _NEXT_ROUND if self._moments.cyclic else _ONCE_MORE
+        again = _NEXT_ROUND if self._keyframes.cyclic else _ONCE_MORE
         after[:, -1] += (1 - again) * beyond
         after[:, 0] += again * beyond.mean()
         others: NDArray[np.float64] = _CHANGES * after.mean(axis=0) + _BEGINS * self._beginning
         return (1 - _CHANGES - _BEGINS) * after + others
 
     def _weighed(self, belief: NDArray[np.float64], live: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Weigh the probability of every moment by its likeness to the live body's vector, shape (axes,)."""
-        squares = self._lengths - 2 * (self._moments.vectors @ live)
+        """Weigh the probability of every keyframe by its likeness to the live body's vector, shape (axes,)."""
+        squares = self._lengths - 2 * (self._keyframes.vectors @ live)
         weighed: NDArray[np.float64] = belief * np.exp(-0.5 * _SHARPNESS * (squares - squares.min()))
         total = float(weighed.sum())
         return weighed / total if total > 0 else np.tile(self._beginning, (len(belief), 1))
 
     def _measure(self, square: float, expected: float, usual: float) -> None:
-        """Follow the body's speed relative to its likely moments, and relative to its class at that phase."""
+        """Follow the body's speed relative to its likely keyframes, and relative to its class at that phase."""
         self._squares = _SPEED_KEPT * self._squares + square
         self._expected = _SPEED_KEPT * self._expected + expected
         self._usual = _SPEED_KEPT * self._usual + usual
@@ -196,7 +196,7 @@ class _Filter:
         self._speed = math.sqrt((self._squares + floor) / likely) if likely > 0 else 1.0
 
     def _answer(self, phase: float, sure: float) -> Progress:
-        if self._moments.cyclic and phase < self._last - 0.5:
+        if self._keyframes.cyclic and phase < self._last - 0.5:
             self._cycles += 1
             self._scrub = phase
         self._last = phase

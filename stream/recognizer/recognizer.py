@@ -21,7 +21,7 @@ from kinespace.stream.frame import Frame
 from kinespace.stream.present import MAX_PAUSE
 from kinespace.stream.recognition import Event, Outcome, Recognition
 from kinespace.stream.recognizer.decision import Decision
-from kinespace.stream.recognizer.done import Asked, DoneFollower, Look, costs_of
+from kinespace.stream.recognizer.done import DoneFollower, EndingWindows, Look, costs_of
 from kinespace.stream.recognizer.fitting import Fitting
 from kinespace.stream.recognizer.joints import Joints
 from kinespace.stream.recognizer.progress import ProgressFollower
@@ -316,20 +316,20 @@ class Recognizer:
             due = time >= self._due - self._early
             if not due and len(times) < _MAX_WAITING:
                 return None
-            asked, window = self._measure(), self._fewer or self._window
+            ending, window = self._measure(), self._fewer or self._window
             if not due or window.read(self.settings.stillness, self._smoother.noise) is None:
-                if asked:
-                    self._see(asked, costs_of([asked])[0])
+                if ending:
+                    self._see(ending, costs_of([ending])[0])
                 return None
             # Hops lie on a grid, so that their mean distance is the hop whatever the frame rate.
             hop = self.settings.hop
             self._due = self._due + hop if self._due + hop > time else time + hop
-            taken = Due(self, frame, window, asked)
+            taken = Due(self, frame, window, ending)
             return taken
         finally:
             self._busy = taken is not None
 
-    def _measure(self) -> Asked | None:
+    def _measure(self) -> EndingWindows | None:
         """Measure the frames that came since the last hop together, because that is cheaper than one by one."""
         times = self._times
         begun = self._joints.mend(times)
@@ -340,24 +340,24 @@ class Recognizer:
         if self._joints.left_out or self._without:
             self._leave_out(self._joints.left_out, self._times[-1])
         positions = self._positions[begun or 0 : len(self._times)]
-        asked = self._done.push(times, positions) if self._done and times else None
+        ending = self._done.push(times, positions) if self._done and times else None
         self._smoother.smooth(times, rows)
         self._window.push(times, rows)
         if self._fewer:
             self._fewer.push(times, rows[:, self._places])
         self._times.clear()
-        return asked
+        return ending
 
-    def _see(self, asked: Asked, costs: NDArray[np.float32]) -> None:
+    def _see(self, ending: EndingWindows, costs: NDArray[np.float32]) -> None:
         """Take in what whole motions cost."""
         if self._done:
-            self._look = self._done.look(asked, costs).behind(self._look)
+            self._look = self._done.look(ending, costs).behind(self._look)
 
     def answer(self, due: "Due") -> Recognition:
         """Give the answer that is due, from what its window shows, and from what whole motions cost."""
         frame = due.frame
-        if due.asked and due.costs is not None:
-            self._see(due.asked, due.costs)
+        if due.ending and due.costs is not None:
+            self._see(due.ending, due.costs)
         self.counts.hops += 1
         look, self._look = self._look or Look(), None
         recognition = self._decision.push(frame, due.window, self._joints, look)
@@ -447,7 +447,7 @@ class Due:
     recognizer: Recognizer
     frame: Frame
     window: Window
-    asked: Asked | None
+    ending: EndingWindows | None
     #: What whole motions cost; None until they are compared.
     costs: NDArray[np.float32] | None = None
 
@@ -464,9 +464,9 @@ def answers_to(due: Sequence[Due]) -> list[Recognition]:
             signatures = [each.signature for each in windows if each.signature]
             for window, distances in zip(windows, index.distances(signatures), strict=True):
                 window.distances = distances
-        for courses in {each.asked.courses for each in due if each.asked}:
-            some = [(each, each.asked) for each in due if each.asked and each.asked.courses is courses]
-            for (each, _), costs in zip(some, costs_of([asked for _, asked in some]), strict=True):
+        for courses in {each.ending.courses for each in due if each.ending}:
+            some = [(each, each.ending) for each in due if each.ending and each.ending.courses is courses]
+            for (each, _), costs in zip(some, costs_of([ending for _, ending in some]), strict=True):
                 each.costs = costs
         return [each.recognizer.answer(each) for each in due]
     finally:

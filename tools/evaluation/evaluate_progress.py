@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex, opened
-from kinespace.library.phases import MOMENTS_PER_SECOND
+from kinespace.library.phases import KEYFRAMES_PER_SECOND
 from kinespace.library.signature.own_frame import at_steps
 from kinespace.stream import Recognizer, Settings
 from kinespace.stream.recognizer.progress import STEP
@@ -101,7 +101,7 @@ def _played(
         times.append(now)
         speeds.append(speed)
         now += STEP * speed
-    own = np.interp(np.array(times) * MOMENTS_PER_SECOND, np.arange(len(phases)), phases)
+    own = np.interp(np.array(times) * KEYFRAMES_PER_SECOND, np.arange(len(phases)), phases)
     true = np.array([own, np.array(speeds) * mean_seconds / clip.duration])
     return at_steps(clip.times, clip.positions, np.array(times)), true
 

@@ -91,14 +91,14 @@ def test_limits_of_one_persons_motions_fall_with_time(index: WindowIndex, taught
     courses, clip = index.courses if taught_by == "several" else one, motions_of(SQUAT)[3]
     follower, looks = DoneFollower(courses, clip.skeleton, 6.0), 0
     for time, frame in zip(clip.times, clip.positions, strict=True):
-        if (asked := follower.push([float(time)], frame[None])) is None:
+        if (ending := follower.push([float(time)], frame[None])) is None:
             continue
-        for count, limits in zip(asked.counts.tolist(), asked.limits, strict=True):
+        for count, limits in zip(ending.counts.tolist(), ending.limits, strict=True):
             for motion, seconds in enumerate(courses.seconds.tolist()):
                 falls = math.exp(-0.2 * math.log(count / 30 / seconds) ** 2) if taught_by == "one" else 1.0
                 assert limits[motion] == pytest.approx(courses.limits[0, motion] * falls, rel=1e-5)
             looks += 1
-        assert np.allclose(asked.limits[:, len(courses.seconds) :], courses.limits[1], rtol=1e-7)
+        assert np.allclose(ending.limits[:, len(courses.seconds) :], courses.limits[1], rtol=1e-7)
     assert looks > 10
 
 
@@ -171,10 +171,10 @@ def test_the_follower_finds_what_its_definition_does(index: WindowIndex) -> None
         if rng.random() < 0.3:
             known.append((step * STEP, str(rng.choice(few.courses.classes)), float(rng.normal(0, 3))))
             follower.know(*known[-1])
-        asked = follower.push([step * STEP], frame[None])
-        if asked is None:
+        ending = follower.push([step * STEP], frame[None])
+        if ending is None:
             continue
-        look = follower.look(asked, *costs_of([asked]))
+        look = follower.look(ending, *costs_of([ending]))
         looks += 1
         done += [(step, look.done.class_name)] if look.done else []
         begun += [(step, look.seen.class_name)] if look.seen and look.seen.begins else []

@@ -91,7 +91,7 @@ class _Motions(msgspec.Struct):
     origin: list[Annotated[int, msgspec.Meta(ge=0)]]
 
 
-class _Header(msgspec.Struct):
+class _LibraryHeader(msgspec.Struct):
     """The header of a file."""
 
     format: str
@@ -106,7 +106,7 @@ class _Header(msgspec.Struct):
     guests: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
-class _Kind(msgspec.Struct):
+class _FileKind(msgspec.Struct):
     """The part of a header that says whether the rest can be read; what else it holds is passed over unread."""
 
     format: str | None = None
@@ -150,7 +150,7 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
     header = msgspec.json.encode(_described(contents))
     _require(len(header) <= MAX_HEADER_BYTES, f"header: expected at most {MAX_HEADER_BYTES} bytes, got {len(header)}")
     # What cannot be read again is not written.
-    msgspec.json.decode(header, type=_Header)
+    msgspec.json.decode(header, type=_LibraryHeader)
     _require_sizes(len(skeleton.joints), [motion.frames for motion in motions])
     arrays: dict[str, Any] = _encoded(motions)
     arrays |= {f"{_LEARNED}{name}": array.astype("<f4") for name, array in learned.items()}
@@ -158,7 +158,7 @@ def write(path: Path, contents: Contents, *, compressed: bool = True) -> None:
         (np.savez_compressed if compressed else np.savez)(file, header=np.frombuffer(header, dtype=np.uint8), **arrays)
 
 
-def _described(contents: Contents) -> _Header:
+def _described(contents: Contents) -> _LibraryHeader:
     skeleton, motions, learned = contents
     origins = [(motion.source, motion.licence, motion.attribution) for motion in motions]
     places = {origin: place for place, origin in enumerate(dict.fromkeys(origins))}
@@ -166,7 +166,7 @@ def _described(contents: Contents) -> _Header:
     columns = {name: [getattr(motion, name) for motion in motions] for name in named}
     table = _Motions(**columns, origin=[places[origin] for origin in origins])
     shapes = {name: array.shape for name, array in learned.items()}
-    return _Header(FORMAT, VERSION, list(skeleton.joints), list(skeleton.parents), table, list(places), shapes)
+    return _LibraryHeader(FORMAT, VERSION, list(skeleton.joints), list(skeleton.parents), table, list(places), shapes)
 
 
 def _encoded(motions: Sequence[Clip]) -> dict[str, NDArray[Any]]:
@@ -324,11 +324,11 @@ def _numbers(
     return np.frombuffer(content, kind, math.prod(shape), file.tell()).reshape(shape)
 
 
-def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
+def _read_header(path: Path, archive: zipfile.ZipFile) -> _LibraryHeader:
     if "header.npy" not in archive.namelist() and "joints.npy" in archive.namelist():
         raise LibraryFileError(f"{path}: a recording, no motion library: kinespace build {path} -o FILE makes one")
     text = bytes(_numbers(archive, "header", [np.uint8]))
-    kind = msgspec.json.decode(text, type=_Kind)
+    kind = msgspec.json.decode(text, type=_FileKind)
     if kind.format != FORMAT:
         raise LibraryFileError(f"{path}: not a motion library")
     if kind.version != VERSION:
@@ -336,10 +336,10 @@ def _read_header(path: Path, archive: zipfile.ZipFile) -> _Header:
             f"{path}: format version {str(kind.version)[:20]}, this kinespace reads {VERSION}; build the library again "
             f"from its recordings: kinespace build FOLDER -o {path}"
         )
-    return msgspec.json.decode(text, type=_Header)
+    return msgspec.json.decode(text, type=_LibraryHeader)
 
 
-def _restored(archive: zipfile.ZipFile, header: _Header) -> Contents:
+def _restored(archive: zipfile.ZipFile, header: _LibraryHeader) -> Contents:
     motions, skeleton = header.motions, Skeleton(tuple(header.joints), tuple(header.parents))
     joints, count, total = len(skeleton.joints), len(motions.frames), sum(motions.frames)
     _require_sizes(joints, motions.frames)

@@ -182,7 +182,7 @@ def convention_named(text: str) -> Convention:
     return found
 
 
-class _File(msgspec.Struct, forbid_unknown_fields=True):
+class _ConventionFile(msgspec.Struct, forbid_unknown_fields=True):
     """A convention as written; `sides` is a pair of words for left and right, or a list of such pairs."""
 
     joints: dict[str, str]
@@ -234,7 +234,7 @@ def parse_convention(text: str, file: str) -> Convention:
     ConventionError
         The text is no TOML, or something in it is wrong, missing or unknown.
     """
-    read = read_toml(text, file, _File, ConventionError, _written_out)
+    read = read_toml(text, file, _ConventionFile, ConventionError, _written_out)
     name = Path(file).name.removesuffix(_ENDING)
     return Convention(
         name=name,

@@ -41,7 +41,7 @@ class Segments:
     crossing, partner
         Index of each segment whose two joints have others on the other side, and where among these segments the one
         between the others is, shape (crossings,).
-    mean, spread
+    mean, tolerance
         Length of each segment in metres: mean, and the greatest change in one motion.
     builds, stretches
         Of each person the mean logarithm of each segment's length, shape (persons, segments), and by how much the
@@ -56,7 +56,7 @@ class Segments:
     crossing: NDArray[np.intp] = field(repr=False)
     partner: NDArray[np.intp] = field(repr=False)
     mean: NDArray[np.float64] = field(repr=False)
-    spread: NDArray[np.float64] = field(repr=False)
+    tolerance: NDArray[np.float64] = field(repr=False)
     builds: NDArray[np.float64] = field(repr=False)
     stretches: NDArray[np.float64] = field(repr=False)
     disorder: float
@@ -83,7 +83,7 @@ class Segments:
             crossing=crossing,
             partner=np.searchsorted(children[crossing], others[crossing, 0]),
             mean=np.concatenate(lengths).mean(axis=0),
-            spread=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
+            tolerance=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
             builds=builds,
             stretches=stretches,
             disorder=max(DISORDER, BEYOND_LIBRARY * largest),

@@ -187,9 +187,9 @@ class Plausibility:
             return
         self.rigid = rigid = tremble < TREMBLES
         kept = moved < SAME_PLACE / self._scale
-        changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.spread) | (not rigid)
+        changed = (stretch > max(FROZEN_STRETCH, 4 * tremble) + body.tolerance) | (not rigid)
         frozen = self._frozen(kept, changed) if kept.any() else set[int]()
-        excess = stretch - body.spread
+        excess = stretch - body.tolerance
         broken = excess > MAX_STRETCH
         # Both sides show an exchange: while one leg stands still, the other one's marker may slip on the skin.
         exchanged = crossed < STEADIER * stretch[body.crossing]

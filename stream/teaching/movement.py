@@ -60,7 +60,7 @@ class Movement(NamedTuple):
     slow: float = 0.0
 
 
-class _Frame(NamedTuple):
+class _MeasuredFrame(NamedTuple):
     """A frame: its distance row, each joint relative to the centre of the body, and the sum of their squares."""
 
     time: float
@@ -83,8 +83,8 @@ class MovementMeter:
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
         #: The frames of the window, and of the longer one for slow limbs.
-        self._frames: deque[_Frame] = deque()
-        self._longer: deque[_Frame] = deque()
+        self._frames: deque[_MeasuredFrame] = deque()
+        self._longer: deque[_MeasuredFrame] = deque()
         self._limbs: deque[tuple[float, float]] = deque()
         self._due = -math.inf
 
@@ -127,13 +127,13 @@ class MovementMeter:
             slow = _SLOW_LIMB * _limb_speed(self._longer)
         return Movement(whole, _LIMB * min(speed for _, speed in self._limbs) if lasts else 0.0, slow)
 
-    def _measured(self, time: float, positions: NDArray[np.floating]) -> _Frame:
+    def _measured(self, time: float, positions: NDArray[np.floating]) -> _MeasuredFrame:
         seen = positions.astype(np.float64)
         own = seen - seen.mean(axis=0)
-        return _Frame(time, seen, distance_rows(seen, self._skeleton), own, float(np.vdot(own, own)))
+        return _MeasuredFrame(time, seen, distance_rows(seen, self._skeleton), own, float(np.vdot(own, own)))
 
 
-def _limb_speed(frames: Sequence[_Frame]) -> float:
+def _limb_speed(frames: Sequence[_MeasuredFrame]) -> float:
     """Give `limb_speed` of frames, of which nothing is summed twice where all joints are seen."""
     square, count = sum(each.square for each in frames), len(frames[0].own)
     if math.isnan(square):

@@ -23,7 +23,7 @@ from kinespace.stream.service.loop import Recognising, tell
 from kinespace.stream.teaching import Asked, Changed, Notice, Remembered, State, Step, Teacher, Told, Tried, commands
 from kinespace.stream.teaching.examples import Roster, TaughtWindows, checked, held
 from kinespace.stream.teaching.movement import STILLNESS
-from kinespace.tools.cli.console import say
+from kinespace.tools.cli.console import note
 from kinespace.tools.teaching.roster_file import RosterFile
 
 #: Seconds after a lesson in which its performer is still not answered: a motion is done some tenths after its end.
@@ -452,7 +452,7 @@ def _base(
     if few or (left_out and taught and teaches_itself(taught)):
         return None
     if left_out:
-        say(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
+        note(f"taught motions are compared by {shared} of {len(joints)} joints, without {', '.join(left_out)}")
     # One motion is no teacher of its own: as in a library's file, the built-in persons' metrics compare, by all axes.
     one = replace(builtin, motions=builtin.motions[:1], learned={}).restricted_to(joints)
     return WindowIndex.of(one, builtin.without(actors=without).restricted_to(joints)) if without else opened(one)

@@ -1,12 +1,13 @@
 """Libraries of one's own, small and taught ones; and whether the built-in one says that it does not fit a body."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from fakes import pushed, shown
 from synthetic import stick_clip, stick_clips
 
-from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, WindowIndex, by_joints, opened
+from kinespace.library import NOTHING, Clip, MotionLibrary, Reading, Skeleton, WindowIndex, by_joints, opened
 from kinespace.stream import Frame, LiveSignature, Outcome, Recognition, Recognizer, Settings
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.teaching.lessons import open_taught
@@ -53,6 +54,15 @@ def test_a_file_answers_the_same_taught_and_as_a_library(builtin: MotionLibrary)
             assert one.evidence.compared == pytest.approx(other.evidence.compared, abs=1e-4)
             names.add(one.outcome)
     assert {Outcome.NAMED, Outcome.UNKNOWN} <= names
+
+
+def test_a_remark_on_joints_is_no_result(builtin: MotionLibrary, capsys: pytest.CaptureFixture[str]) -> None:
+    """Standard output stays free for what an evaluation prints as JSON."""
+    clip = builtin.motions[0]
+    tailed = Skeleton((*clip.skeleton.joints, "tail"))
+    open_taught(MotionLibrary.of_clips([replace(clip, skeleton=tailed, positions=clip.positions[:, [*range(31), 0]])]))
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "taught motions are compared by 31 of 32 joints, without tail\n")
 
 
 # --- bodies of other sets of recordings -------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ def read_labels(path: Path) -> tuple[Segment, ...]:
     except (UnicodeDecodeError, csv.Error) as error:
         raise LabelError(f"{path}: expected a CSV, as a spreadsheet can save it ({error})") from error
     if not segments:
-        raise LabelError(f"{path}: no segment in it")
+        raise LabelError(f"{path}: no segment in it: write a class into the column `label` of some rows")
     by_performer = sorted(segments, key=lambda segment: (segment.performer, segment.start))
     for before, after in pairwise(by_performer):
         if before.performer == after.performer and after.start < before.end:
@@ -185,6 +185,11 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
 def _segment(path: Path, line: int, times: Sequence[str], label: str, performer: str) -> Segment:
     try:
         start, end = map(float, times)
+    except ValueError as error:
+        raise LabelError(
+            f"{path}:{line}: start, end: expected seconds, got {' and '.join(map(repr, times))}"
+        ) from error
+    try:
         return Segment(start, end, label.strip(), performer.strip())
     except ValueError as error:
         raise LabelError(f"{path}:{line}: {error}") from error

@@ -31,21 +31,21 @@ _KEPT = SHOWN + 5.0
 _MAX_NOTICES, _MAX_DONE, _MAX_CHECKED = 32, 64, 16
 
 
-class _Event(msgspec.Struct, rename={"label": "class"}):
+class _SentEvent(msgspec.Struct, rename={"label": "class"}):
     performer: str
     event: str
     label: str
     t: float = 0.0
 
 
-class _Done(msgspec.Struct, rename={"label": "class"}):
+class _SentDone(msgspec.Struct, rename={"label": "class"}):
     performer: str
     label: str
     count: int
     duration: float
 
 
-class _Classes(msgspec.Struct):
+class _SentClasses(msgspec.Struct):
     classes: list[str]
 
 
@@ -60,7 +60,14 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_KINDS = {"class": SentAnswer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
+_KINDS = {
+    "class": SentAnswer,
+    "event": _SentEvent,
+    "done": _SentDone,
+    "classes": _SentClasses,
+    "status": Status,
+    "teach": _Notice,
+}
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
 _encode = msgspec.json.Encoder().encode
 
@@ -88,7 +95,7 @@ class _Motion:
 
 
 @dataclass(slots=True)
-class _Performer:
+class _OnBoard:
     arrived: float
     body: _Noted = field(default_factory=_Noted)
     skeleton: _Noted = field(default_factory=_Noted)
@@ -122,7 +129,7 @@ class Board:
 
     def __init__(self) -> None:
         self.number = self.unread = 0
-        self._performers: dict[str, _Performer] = {}
+        self._performers: dict[str, _OnBoard] = {}
         self._further: dict[str, float] = {}
         self._here = _Noted([])
         self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
@@ -149,11 +156,11 @@ class Board:
                 self._forget(message.performer)
             case SentAnswer() if performer := self._performer(message.performer, now):
                 self._take_answer(performer, message, now)
-            case _Event() if performer := self._performer(message.performer, now):
+            case _SentEvent() if performer := self._performer(message.performer, now):
                 self._take_event(performer, message, now)
-            case _Done(who, name, times, duration) if performer := self._performer(who, now):
+            case _SentDone(who, name, times, duration) if performer := self._performer(who, now):
                 performer.done.append((self.number, name, times, now - duration, now))
-            case _Classes():
+            case _SentClasses():
                 if message.classes != self._classes.shown:
                     self._classes = _Noted(message.classes, self.number)
             case Status():
@@ -161,18 +168,18 @@ class Board:
             case _Notice():
                 self._take_notice(message, now)
 
-    def _performer(self, name: str, now: float) -> _Performer | None:
+    def _performer(self, name: str, now: float) -> _OnBoard | None:
         performer = self._performers.get(name)
         if performer is None:
             if len(self._performers) >= MAX_SHOWN:
                 self._further[name] = now
                 return None
-            performer = self._performers[name] = _Performer(now)
+            performer = self._performers[name] = _OnBoard(now)
             self._here = _Noted([*self._performers], self.number)
         performer.arrived = now
         return performer
 
-    def _take_body(self, performer: _Performer, header: BodyHeader, positions: bytes) -> None:
+    def _take_body(self, performer: _OnBoard, header: BodyHeader, positions: bytes) -> None:
         performer.body = _Noted((header.joints, positions), self.number)
         if header.names:
             skeleton = {"names": header.names, "parents": header.parents or ()}
@@ -181,7 +188,7 @@ class Board:
         if header.carried:
             performer.carried = _Noted({"joints": header.carried, "pairs": header.pairs}, self.number)
 
-    def _take_answer(self, performer: _Performer, answer: SentAnswer, now: float) -> None:
+    def _take_answer(self, performer: _OnBoard, answer: SentAnswer, now: float) -> None:
         known = dict.fromkeys([*self._classes.shown, *answer.scores])
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
@@ -194,7 +201,7 @@ class Board:
         while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
             performer.guesses.popleft()
 
-    def _take_event(self, performer: _Performer, event: _Event, now: float) -> None:
+    def _take_event(self, performer: _OnBoard, event: _SentEvent, now: float) -> None:
         performer.close(event.t, now, self.number)
         if event.event == EventKind.START:
             motion = _Motion(next(self._keys), event.label, now, None, self.number, started=event.t)

@@ -59,7 +59,7 @@ _Short = Annotated[str, msgspec.Meta(max_length=256)]
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 
 
-class Message(msgspec.Struct, forbid_unknown_fields=True):
+class PageMessage(msgspec.Struct, forbid_unknown_fields=True):
     """A message of a page: the number of its last drawing, or a command.
 
     Attributes
@@ -74,10 +74,10 @@ class Message(msgspec.Struct, forbid_unknown_fields=True):
     ask: Annotated[dict[_Short, _Short | float | bool], msgspec.Meta(max_length=8)] | None = None
 
 
-_read = msgspec.json.Decoder(Message).decode
+_read = msgspec.json.Decoder(PageMessage).decode
 
 
-def read_message(text: str | bytes) -> Message:
+def read_message(text: str | bytes) -> PageMessage:
     """Read a message of a page.
 
     Raises

@@ -31,21 +31,21 @@ _KEPT = SHOWN + 5.0
 _MAX_NOTICES, _MAX_DONE, _MAX_CHECKED = 32, 64, 16
 
 
-class _SentEvent(msgspec.Struct, rename={"label": "class"}):
+class _Event(msgspec.Struct, rename={"label": "class"}):
     performer: str
     event: str
     label: str
     t: float = 0.0
 
 
-class _SentDone(msgspec.Struct, rename={"label": "class"}):
+class _Done(msgspec.Struct, rename={"label": "class"}):
     performer: str
     label: str
     count: int
     duration: float
 
 
-class _SentClasses(msgspec.Struct):
+class _Classes(msgspec.Struct):
     classes: list[str]
 
 
@@ -60,14 +60,7 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_KINDS = {
-    "class": SentAnswer,
-    "event": _SentEvent,
-    "done": _SentDone,
-    "classes": _SentClasses,
-    "status": Status,
-    "teach": _Notice,
-}
+_KINDS = {"class": SentAnswer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
 _encode = msgspec.json.Encoder().encode
 
@@ -156,11 +149,11 @@ class Board:
                 self._forget(message.performer)
             case SentAnswer() if performer := self._performer(message.performer, now):
                 self._take_answer(performer, message, now)
-            case _SentEvent() if performer := self._performer(message.performer, now):
+            case _Event() if performer := self._performer(message.performer, now):
                 self._take_event(performer, message, now)
-            case _SentDone(who, name, times, duration) if performer := self._performer(who, now):
+            case _Done(who, name, times, duration) if performer := self._performer(who, now):
                 performer.done.append((self.number, name, times, now - duration, now))
-            case _SentClasses():
+            case _Classes():
                 if message.classes != self._classes.shown:
                     self._classes = _Noted(message.classes, self.number)
             case Status():
@@ -201,7 +194,7 @@ class Board:
         while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
             performer.guesses.popleft()
 
-    def _take_event(self, performer: _OnBoard, event: _SentEvent, now: float) -> None:
+    def _take_event(self, performer: _OnBoard, event: _Event, now: float) -> None:
         performer.close(event.t, now, self.number)
         if event.event == EventKind.START:
             motion = _Motion(next(self._keys), event.label, now, None, self.number, started=event.t)

@@ -186,9 +186,7 @@ def _segment(path: Path, line: int, times: Sequence[str], label: str, performer:
     try:
         start, end = map(float, times)
     except ValueError as error:
-        raise LabelError(
-            f"{path}:{line}: start, end: expected seconds, got {' and '.join(map(repr, times))}"
-        ) from error
+        raise LabelError(f"{path}:{line}: start, end: expected seconds, got {times[0]!r}, {times[1]!r}") from error
     try:
         return Segment(start, end, label.strip(), performer.strip())
     except ValueError as error:

@@ -117,9 +117,9 @@ WRONG: list[tuple[str, str | bytes, str]] = [
     *(
         ("take.csv", f"{HEADER}0,1,bow\n\n{line}\n5,6,bow\n", f":4: {said}")
         for line, said in (
-            ("x,4,wave", "start, end: expected seconds, got 'x' and '4'"),
-            ("3,,wave", "start, end: expected seconds, got '3' and ''"),
-            ('3,"4,5",wave', "start, end: expected seconds, got '3' and '4,5'"),
+            ("x,4,wave", "start, end: expected seconds, got 'x', '4'"),
+            ("3,,wave", "start, end: expected seconds, got '3', ''"),
+            ('3,"4,5",wave', "start, end: expected seconds, got '3', '4,5'"),
             ("4,3,wave", "segment: expected 0 <= start < end, got 4.0 to 3.0"),
         )
     ),
@@ -130,7 +130,7 @@ WRONG: list[tuple[str, str | bytes, str]] = [
     ("take.csv", HEADER + "2,3,bow\n0,2.001,wave\n", r": 'wave' \(to 2.001\) and 'bow' \(from 2.0\) overlap"),
     ("take.csv", "start_frame,end_frame,label\n0,468,a\n", ": expected the columns start_s, end_s, label, got frame"),
     ("take.csv", HEADER + "0,1," + "a" * 200_000 + "\n", ": expected a CSV, as"),
-    ("take.txt", "0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: start, end: expected seconds, got '2.0' and 'x'"),
+    ("take.txt", "0.5\t1.5\twave\n2.0\tx\tbow\n", ":2: start, end: expected seconds, got '2.0', 'x'"),
     ("take.txt", "0.5\t1.5\twave\n3.0\t2.0\tbow\n", ":2: segment: expected 0 <= start < end, got 3.0 to 2.0"),
     ("take.txt", "100\t200\t300\t4\n", f"{_COLUMNS} start_s, end_s, label"),
     ("take.eaf", "<a", _NEITHER),

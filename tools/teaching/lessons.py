@@ -295,8 +295,13 @@ class RosterOpener:
 
     def _opened(self, changes: Sequence[Change], roster: Roster) -> bool:
         """Open a roster and check the examples that came with it; say whether it could be opened."""
-        last, before = changes[-1], self._windows.courses
+        last, new = changes[-1], {each.number for each in changes}
+        others = tuple(each for each in roster.examples if each.class_name != NOTHING or each.number not in new)
         try:
+            # What is held against a new `nothing`: gestures, also those that came with it.
+            if len(changes) > 1 and len(others) < len(roster.examples):
+                self._windows.index_of(replace(roster, examples=others))
+            before = self._windows.courses
             index = self._windows.index_of(roster)
             if index is not None:
                 # A first recogniser prepares the windows here; between two frames there is no time for this.

@@ -172,6 +172,19 @@ def test_nothing_that_holds_a_gesture_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_nothing_that_comes_with_a_gesture_is_told_if_it_holds_it(tmp_path: Path) -> None:
+    """While the first example is opened the others wait, and are opened together."""
+    stage = Stage(tmp_path / "mine.npz", None)
+    _show(stage, 0, "kickLFront1Reps")
+    _show(stage, 10, "squat1Reps")
+    for name, ago in (("kick", 6.0), ("my squat", 0.0), ("nothing", 0.0)):
+        stage.command(commands.Last("ann", 8.0 if ago else 5.0, name, ago))
+    stage.until(lambda heard: len(heard.of(Taught)) == 3)
+    assert "is in it" in stage.heard.of(Taught)[-1].words
+    stage.lessons.close()
+
+
+@pytest.mark.slow
 def test_a_busy_machine_tries_a_part(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """The word comes, with the seconds on which it was tried."""
     monkeypatch.setattr(lessons, "_TRIED_FOR", 0.0)

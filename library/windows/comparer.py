@@ -219,8 +219,8 @@ class Comparer(NamedTuple):
         new = np.any(whose[1:] != whose[:-1], axis=1)
         starts = np.concatenate([[0], np.flatnonzero(new) + 1, [count]])
         of_class = whose[starts[:-1], 0]
-        most = max(np.bincount(of_class).max(), 2)
-        persons = np.full((of_class.max() + 1, most), len(starts) - 1)
+        most = max(int(np.bincount(of_class).max()), 2)
+        persons = np.full((int(of_class.max()) + 1, most), len(starts) - 1)
         for place, row in enumerate(persons):
             places = np.flatnonzero(of_class == place)
             row[: max(len(places), 2)] = places

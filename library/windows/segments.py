@@ -83,7 +83,7 @@ class Segments:
             crossing=crossing,
             partner=np.searchsorted(children[crossing], others[crossing, 0]),
             mean=np.concatenate(lengths).mean(axis=0),
-            tolerance=np.max([np.ptp(each, axis=0) for each in lengths], axis=0),
+            tolerance=np.array([np.ptp(each, axis=0) for each in lengths]).max(axis=0),
             builds=builds,
             stretches=stretches,
             disorder=max(DISORDER, BEYOND_LIBRARY * largest),

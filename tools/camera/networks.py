@@ -56,7 +56,7 @@ def anchors() -> NDArray[np.float64]:
 
 def decoded(boxes: NDArray[np.floating], scores: NDArray[np.floating], centres: NDArray[np.float64]) -> Detections:
     """Read the detector's two outputs, (anchors, 12) in pixels from each anchor and (anchors,) as logits."""
-    likely: NDArray[np.float64] = expit(scores.astype(np.float64))
+    likely = np.asarray(expit(scores.astype(np.float64)), dtype=np.float64)
     kept = np.flatnonzero(likely >= MIN_SCORE)
     kept = kept[np.argsort(-likely[kept], kind="stable")]
     numbers = boxes[kept].astype(np.float64).reshape(-1, NUMBERS // 2, 2) / WHOLE_SIDE

@@ -22,8 +22,10 @@ from kinespace.stream import Announcement, osc
 from kinespace.stream.inputs import OscDecoder
 from kinespace.tools.camera import bodies, models
 from kinespace.tools.camera.bodies import Bodies, Landmarks, Region, landmarks_in
-from kinespace.tools.camera.networks import anchors, decoded, one_for_each_body
 from kinespace.tools.cli.main import main
+
+pytest.importorskip("ai_edge_litert", reason="LiteRT is not here: Python 3.14 has no wheel of it")
+from kinespace.tools.camera.networks import anchors, decoded, one_for_each_body  # loads LiteRT
 
 _PICTURE = np.zeros((360, 640, 3), dtype=np.uint8)
 

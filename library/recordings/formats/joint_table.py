@@ -450,6 +450,8 @@ def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     there = dict.fromkeys((*head.labels, *head.free, *head.people))
     free = [each for each in there if each < len(first) and "." not in first[each]]
     texts = [each for each in free if each not in head.people and number_of(first[each]) is None]
+    # An axis stands behind its joint.
+    texts.sort(key=lambda column: first[column].strip().lower() in {*"xyz"})
     if not head.joints:
         return texts if coordinate_of(_label(first, texts)) else []
     labels = [*(each for each in head.labels if each in texts), *head.labels, *texts, *head.people]

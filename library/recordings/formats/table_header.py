@@ -221,7 +221,9 @@ def _is_no_place(name: str, ahead: Collection[tuple[str, ...]], no_places: froze
     *front, last = words_of(name) or [""]
     if last in ("forward", "up", "right") and (*front,) in ahead:
         return True
-    ends = tuple(word for word in no_places if len(word) > 2) if name.isupper() else ()
+    # Where marks are between its words each is one: `SPINE_NAVEL`.
+    is_one_word = name.isupper() and name.rpartition(":")[2].isalnum()
+    ends = tuple(word for word in no_places if len(word) > 2) if is_one_word else ()
     # ROS puts `field.` in front of all its names.
     is_field = name.lower() == "field"
     return is_field or bool(no_places & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
@@ -308,9 +310,10 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     below = next((each for each in rows[place + 1 :] if not any("".join(each[c : c + 1]) for c in ours)), ())
     near, low = ([*each, *[""] * len(row)] for each in (above[-1] if above else (), below))
     heads = ["" if axes[c] else low[c].strip() or row[c] or near[c].strip() for c in range(len(row))]
+    # Motive calls a skeleton's first bone like the skeleton; Vicon Tracker calls each thing so.
+    root = "Hip" if any(cell and not _ROOT.match(cell) for cell in (named[column] for column in ours)) else r"\1"
     for column in ours:
-        # Motive calls a skeleton's first bone like the skeleton.
-        name, axis = _ROOT.sub(r"\1:Hip", named[column]), found[column]
+        name, axis = _ROOT.sub(rf"\1:{root}", named[column]), found[column]
         heads[column] = f"{name}_{axis[1]} {axis[2] or ''}" if axis and name else ""
     return heads
 

@@ -111,7 +111,7 @@ def _oddities(people: dict[str, _Own], labels: Sequence[str]) -> Iterator[str]:
         yield f"left out: no performer's: {listed(things, 5)}"
     subjects = Counter(filter(None, (labels[place].rpartition(":")[0] for place in sorted(theirs))))
     names = [name for own in people.values() for name in own.values()]
-    if len(people) == 1 < len(subjects) and len({*names}) == len(names):
+    if len(people) == 1 < len(subjects) < len(names) == len({*names}):
         largest = max(subjects, key=subjects.__getitem__)
         yield f"subjects: {listed([*subjects], 5)}: one body; --joints '{largest}:*' takes one"
 

@@ -332,9 +332,8 @@ def laid(times: Times, positions: Positions, rate: float | None = None) -> Evene
     Parameters and errors are those of `evened`.
     """
     last = np.append(np.diff(times) > 0, True)
-    if len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2:
-        return evened(times, positions, rate=rate)
-    even = _even_rate(times[last] - times[0], rate)
+    is_odd = len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2
+    even = 0.0 if is_odd else _even_rate(times[last] - times[0], rate)
     return Evened(positions[last], even, 0, ()) if even else evened(times, positions, rate=rate)
 
 

@@ -198,10 +198,9 @@ def _seen(positions: Positions) -> Positions:
     away, radius = from_middle(found)
     # A place that is held in several frames is no place: programs write 9999 for markers that they do not see.
     far = away > FAR * radius
-    if far.any():
-        places, counts = np.unique(found[far], axis=0, return_counts=True)
-        for place in places[counts > 1]:
-            found[far & (found == place).all(axis=2)] = np.nan
+    places, counts = np.unique(found[far], axis=0, return_counts=True)
+    for place in places[counts > 1]:
+        found[far & (found == place).all(axis=2)] = np.nan
     return found
 
 

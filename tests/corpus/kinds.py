@@ -580,6 +580,7 @@ def _tables() -> dict[str, Kind]:
         "Vicon Tracker, each thing called twice": (re.sub(r"Ann:(\w+)", r"\1:\1", _vicon("Objects", ("RX", "RY", "RZ", "TX", "TY", "TZ"), "rad,rad,rad,mm,mm,mm")), {}),
         "a joint in capitals that ends like a speed": (table(names=(names := [name.upper().replace("SPINE1", "SPINE_NAVEL") for name in NAMES])), {"names": names}),
         "times that nothing reads": (table(times=[f"10-59-{place // 60:02}_{place:03}" for place in range(48)]), {"rate": 30.0, "tells": "times: none"}),
+        "Blender's bones": (table(head=lambda name, axis: f'"pose.bones[""{name}""].location[{"xyz".index(axis)}]"'), {}),
         "Blender's vectors": (_points("<Vector ({:.4f}, {:.4f}, {:.4f})>"), {}),
         "Venus3D": ("#Venus3D CSV Data\n#Sample Rate,,60.000000\n#Units,,mm\n" + _in_front("ID,Sample,Time,", lambda n, t: f"{n},{n},{t:.6f},", table(head=lambda n, a: f"{n}({a.upper()})", clock=None, positions=1000 * BODY)), {}),
         "Visual3D": (table(clock="ITEM", mark="\t", times=range(1, 49), head=lambda _, axis: axis.upper(), first="".join("\t" + "\t".join(cell or name for name in NAMES for _ in "xyz") + "\n" for cell in ("walk.c3d", "", "TARGET", "ORIGINAL"))), {"ending": "txt", "rate": 30.0, "tells": "times: none"}),

@@ -456,12 +456,12 @@ def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
 
 
 def _plain(joints: _Columns) -> _Columns:
-    """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
+    """Leave out words that are no part of a name: those for a position, and those for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
     front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
     if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
-        bare = {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}
-        # `Marker 001` is a whole name.
-        return found if any(map(str.isdigit, bare)) else bare
+        bare = {joint.removeprefix(front[0]).strip("[]\"'") or joint: axes for joint, axes in found.items()}
+        # `Marker 001` is a whole name; Blender has two words in front: `pose.bones["Hips"]`.
+        return found if any(map(str.isdigit, bare)) or len(bare) < len(found) else _plain(bare)
     return found

@@ -531,6 +531,7 @@ def _tables() -> dict[str, Kind]:
         "a row a joint, by id": (_long("{time:.4f},{id},{x:.4f},{y:.4f},{z:.4f}", names=NAMES), {"names": tuple(map(str, range(16)))}),
         "a row a joint, joint by joint": (_long("{joint},{time:.4f},{x:.4f},{y:.4f},{z:.4f}", by="joint"), {}),
         "a row a joint, two people": (_two_long(), {"people": ("a", "b")}),
+        "a row a joint, two people by name": (_two_long().replace("who", "name", 1), {"people": ("a", "b")}),
         "a row a coordinate": (_long("{time:.4f},{joint},{axis},{value:.4f}"), {}),
         "a row a coordinate, its axis in front": (_long("{time:.4f},{axis},{joint},{value:.4f}").replace("joint", "channel", 1), {}),
         "a row a coordinate, melted": (_long("{time:.4f},{joint}_{axis},{value:.4f}").replace("joint_axis", "variable"), {}),

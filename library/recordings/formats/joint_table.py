@@ -465,6 +465,8 @@ def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tupl
     # What differs from row to row numbers the rows.
     told = [column for column, count in enumerate(counts) if 2 * count <= len(rows)]
     clocks, those = [each for each in head.clocks if each in told], _labels_in(head, first)
+    # Of columns of names, the joints' has most: others name a person or a class.
+    those.sort(key=lambda each: -counts[each] * (each in head.labels and number_of(first[each]) is None))
     labels = [[each] for each in those if each in told and counts[each] > 1] if head.joints else [those]
 
     def fits(*columns: int) -> bool:

@@ -60,11 +60,12 @@ def mended(words: Sequence[str]) -> list[str]:
 
 def number_of(field: str) -> float | None:
     """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
-    if "_" not in field:  # Python reads `1_2` as twelve.
-        plain = re.sub(r"[^-+.\d]", "", field) if _GROUPED.fullmatch(field) else field.replace(",", ".")
-        for text in (field.strip("'=\""), plain):
-            with suppress(ValueError):
-                return float(text)
+    # Python reads `1_2` as twelve.
+    if "_" not in field:
+        with suppress(ValueError):
+            return float(field.strip("'=\"").replace(",", "."))
+        if _GROUPED.fullmatch(field):
+            return float(re.sub(r"[^-+.\d]", "", field))
     return math.nan if _NOTHING.fullmatch(field) else None
 
 

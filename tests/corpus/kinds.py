@@ -384,6 +384,7 @@ def _tables() -> dict[str, Kind]:
         "times of five digits": (table(times=[f"{time:.5g}" for time in TIMES]), {}),
         "times with a unit in brackets": (table(clock="Time (Seconds)"), {}),
         "elapsed ms": (table(clock="elapsedMs", times=_times(1e3)), {"near": 2e-3}),
+        "milliseconds of a frame": (table(clock="frame_ms", times=_times(1e3)), {"near": 2e-3}),
         "microseconds": (table(clock="timestamp", times=_times(1e6, 5_000_000)), {}),
         "nanoseconds": (table(clock="timestamp", times=_times(1e9, 1_700_000_000_000_000_000)), {}),
         "ticks of 100 ns": (table(clock="timestamp", times=_times(1e7, 638_000_000_000_000_000)), {}),

@@ -982,6 +982,7 @@ def _c3ds() -> dict[str, Kind]:
         "cut off": (c3d()[:-4000], {"tells": "the header says 48", "frames": slice(0, 32)}),
         "two people": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=BOTH), {"people": ("A", "B")}),
         "two people whose labels are the same": (c3d(labels=NAMES * 2, positions=BOTH), {"people": ("0", "1")}),
+        "two people glued in front, in capitals": (c3d(labels=[f"S{who}{name.upper()}" for who in (1, 2) for name in NAMES], positions=BOTH), {"people": ("S1", "S2"), "names": [name.upper() for name in NAMES]}),
         "two people, one never seen": (c3d(labels=[f"{who}:{name}" for who in "AB" for name in NAMES], positions=np.concatenate([BODY, np.full_like(BODY, np.nan)], axis=1)), {"people": ("A",), "tells": "never seen: B"}),
         "no last frame in the header": (_at(8, b"\0\0"), {"tells": "the header says 0"}),
         "no last frame, and matrices behind": (_at(8, b"\0\0", _theia(NAMES)), {"tells": "the header says 0"}),

@@ -127,8 +127,7 @@ class Clip:
         SkeletonMismatchError
             One of the two has a joint that the other lacks.
         """
-        further = [name for name in self.skeleton.joints if name not in skeleton.joints]
-        if further:
+        if further := [name for name in self.skeleton.joints if name not in skeleton.joints]:
             raise SkeletonMismatchError(
                 f"clip {self.name!r}: expected the other recordings' {len(skeleton.joints)} joints, "
                 f"got {', '.join(further[:5])}{' ...' if len(further) > 5 else ''} as well"

@@ -133,8 +133,7 @@ class Skeleton:
             A joint of this skeleton is not in the list.
         """
         place = {name: index for index, name in enumerate(joints)}
-        missing = [name for name in self.joints if name not in place]
-        if missing:
+        if missing := [name for name in self.joints if name not in place]:
             raise SkeletonMismatchError(
                 f"joints: expected all {len(self.joints)} of the skeleton, got {len(joints)} "
                 f"without {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}"

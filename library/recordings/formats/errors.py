@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -59,15 +60,13 @@ def mended(words: Sequence[str]) -> list[str]:
 
 def number_of(field: str) -> float | None:
     """Read a field of a table: NaN where it is empty or says that there is no number, None for any other text."""
-    try:
-        return float(field.strip("'=\""))
-    except ValueError:
-        if _NOTHING.fullmatch(field):
-            return math.nan
-    try:
-        return float(re.sub(r"[^-+.\d]", "", field) if _GROUPED.fullmatch(field) else field.replace(",", "."))
-    except ValueError:
-        return None
+    # Python reads `1_2` as twelve.
+    if "_" not in field:
+        with suppress(ValueError):
+            return float(field.strip("'=\"").replace(",", "."))
+        if _GROUPED.fullmatch(field):
+            return float(re.sub(r"[^-+.\d]", "", field))
+    return math.nan if _NOTHING.fullmatch(field) else None
 
 
 def numbers_in(words: Sequence[str], path: Path, line: int, count: int, where: str = "") -> list[float]:

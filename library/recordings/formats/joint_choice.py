@@ -31,7 +31,7 @@ _COLON, _LAST, _GLUED, _AHEAD = map(
         r"(?P<who>.*):(?P<what>[^:]*)",
         rf"(?P<what>.*?){_MARK}(?P<who>{_WORD})",
         r"(?P<what>.*)(?P<who>\d)",
-        r"(?P<who>[A-Za-z]+\d+)(?P<what>[A-Z][a-z].*)",
+        r"(?P<who>[A-Za-z]+\d+)(?P<what>[A-Z].*)",
     ),
 )
 _FIRST = tuple(re.compile(rf"(?P<who>{_WORD}(?:{_MARK}{_WORD}){{{n}}}){_MARK}(?P<what>.*)") for n in range(3))

@@ -18,7 +18,7 @@ import math
 import re
 from array import array
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain, islice, pairwise
@@ -59,7 +59,6 @@ _MOST_PEOPLE = 64
 _CLOCK = re.compile(
     r"(?i)(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-][\d:]+)?"
 )
-_DATE = re.compile(r"\d+([-./])\d+\1\d+")
 #: A time with its unit.
 _WITH_UNIT = re.compile(r"([-+\d.,]{1,40}) ?([^\W\d]{1,12})")
 #: Frames that a second of such times counts, at most, unless the header says more.
@@ -74,10 +73,10 @@ _OTHER = 3.0
 _CELL = 150
 #: Bodies at one time, at most.
 _MOST_AT_ONCE = 10
-#: A field of several numbers (`[0.1 0.2 0.3]`, `Vector3(x=0.1, y=0.2, z=0.3)`, `{'x': 0.1, ...`), or of names; a number
+#: A field of several numbers (`[0.1 0.2 0.3]`, `<Vector (0.1, 0.2, 0.3)>`, `{'x': 0.1, ...`), or of names; a number
 #: in it; and its characters, at most.
 _BRACKETS = re.compile(r"[(\[{](?:[-+\d.,;:='\"\sxyzeEnaNA]{1,120}|\w+(?:[,;] ?\w+){2})[)\]}]")
-_PART = re.compile(r"(?:[a-z][\w./]*[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}]+)", re.IGNORECASE)
+_PART = re.compile(r"<?(?:[a-z][\w./]* ?[(\[{]+)?(?:['\"]?[xyz]['\"]? ?[=:] ?)?([^\s,;()\[\]{}<>]+)", re.IGNORECASE)
 _MAX_POINT = 120
 #: The endings of tables in text.
 TEXTS = (".csv", ".tsv", ".txt", ".trc", ".sto", ".mot", ".emt")
@@ -229,7 +228,9 @@ class _Table:
         # Where nobody is seen a row may be shorter than its header.
         self.first = [*self.first, *[""] * (len(head.names) - len(self.first))] if self.first else self.first
         self.columns = [column for axes in head.joints.values() for column in axes]
-        self.clocks = {column: array("d") for column in head.clocks}
+        # Some columns of times hold dates, or the times of several cameras.
+        clocks = [column for column in head.clocks if not self.first or _moment(self.first[column]) is not None]
+        self.clocks = {column: array("d") for column in clocks}
         free = [each for each in head.free if self.first and "." not in self.first[each]]
         self.cells = {column: ({}, array("q")) for column in (*head.people, *free)}
         self.needed = max([*self.columns, *head.clocks, *head.people]) + 1 if self.is_wide else len(self.first)
@@ -254,9 +255,9 @@ class _Table:
         try:
             self.values.extend([*map(float, fields)])
         except ValueError:
-            self.values.extend([_number(path, line, each) for each in fields])
+            self.values.extend([_known(path, line, each, number_of) for each in fields])
         for column, moments in self.clocks.items():
-            moments.append(_moment(path, line, row[column]))
+            moments.append(_known(path, line, row[column], _moment))
         for column, (texts, numbers) in [*self.cells.items()]:
             numbers.append(texts.setdefault(row[column].strip() if column < len(row) else "", len(texts)))
             if len(texts) > _MOST_PEOPLE:
@@ -450,6 +451,8 @@ def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     there = dict.fromkeys((*head.labels, *head.free, *head.people))
     free = [each for each in there if each < len(first) and "." not in first[each]]
     texts = [each for each in free if each not in head.people and number_of(first[each]) is None]
+    # An axis stands behind its joint.
+    texts.sort(key=lambda column: first[column].strip().lower() in {*"xyz"})
     if not head.joints:
         return texts if coordinate_of(_label(first, texts)) else []
     labels = [*(each for each in head.labels if each in texts), *head.labels, *texts, *head.people]
@@ -462,6 +465,8 @@ def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tupl
     # What differs from row to row numbers the rows.
     told = [column for column, count in enumerate(counts) if 2 * count <= len(rows)]
     clocks, those = [each for each in head.clocks if each in told], _labels_in(head, first)
+    # Of columns of names, the joints' has most: others name a person or a class.
+    those.sort(key=lambda each: -counts[each] * (each in head.labels and number_of(first[each]) is None))
     labels = [[each] for each in those if each in told and counts[each] > 1] if head.joints else [those]
 
     def fits(*columns: int) -> bool:
@@ -569,19 +574,20 @@ def _is_finite(text: str) -> bool:
     return number is not None and math.isfinite(number)
 
 
-def _number(path: Path, line: int, text: str) -> float:
-    number = number_of(text)
+def _known(path: Path, line: int, text: str, reader: Callable[[str], float | None]) -> float:
+    """Read a field; refuse the line where its text is no such number."""
+    number = reader(text)
     if number is None:
         refuse(path, line, f"expected a number, got {text[:40]!r}")
     return number
 
 
-def _moment(path: Path, line: int, text: str) -> float:
-    """Read a time: a number, or hours, minutes, seconds and the number of a frame; NaN where a date stands alone."""
+def _moment(text: str) -> float | None:
+    """Read a time: a number, or hours, minutes, seconds and the number of a frame; None for another text, as a date."""
     if clock := _CLOCK.fullmatch(text.strip()) if ":" in text else None:
         hours, minutes, seconds, frame = (float((each or "0").replace(",", ".")) for each in clock.groups())
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
-    if (found := _WITH_UNIT.fullmatch(text.strip())) and (unit := SECONDS.get(found[2].lower())):
-        return _number(path, line, found[1]) * unit
-    # So are the times of several cameras: `{'a': 0.1, 'b': 0.2}`.
-    return math.nan if _DATE.fullmatch(text.strip()) or text.startswith(("{", "[")) else _number(path, line, text)
+    found = _WITH_UNIT.fullmatch(text.strip())
+    unit = SECONDS.get(found[2].lower()) if found else None
+    number = number_of(found[1] if found and unit else text)
+    return number if number is None else number * (unit or 1.0)

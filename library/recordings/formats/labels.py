@@ -167,8 +167,7 @@ def _segments(path: Path, lines: Sequence[str]) -> Iterator[Segment]:
     rows = csv.DictReader(lines, delimiter=delimiter)
     if exported:
         rows = csv.DictReader(lines, _COLUMNS, delimiter=delimiter, quoting=csv.QUOTE_NONE)
-    missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-    if missing:
+    if missing := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
         framed = "frame numbers: divide them by the take's frames per second"
         got = framed if set(rows.fieldnames or ()) >= _IN_FRAMES else f"none called {', '.join(missing)}"
         raise LabelError(f"{path}: expected the columns {', '.join(_COLUMNS)}, got {got}")

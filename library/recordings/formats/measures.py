@@ -225,7 +225,7 @@ def seconds_of(moments: Times, name: str, rate: float | None = None) -> tuple[Ti
     steps = np.diff(since)[np.diff(since) > _LEAST_STEP]
     step = float(np.median(steps)) if len(steps) else 0.0
     words, named = words_of(name), _unit_in(name)
-    counts = _FRAMES & {*words} and not _TIMES & {*words}
+    counts = _FRAMES & {*words} and not (named or _TIMES & {*words})
     if step >= 1 and (since % 1 == 0).all() and (counts or (step == 1 and named != 1e-3)):
         return since / assumed, f"times: {name!r} holds frame numbers: {assumed:g} frames a second"
     units = [unit for unit in (named, 1.0, 1e-3, 1e-6, 1e-7, 1e-9, 60.0, 86_400.0) if unit]
@@ -332,9 +332,8 @@ def laid(times: Times, positions: Positions, rate: float | None = None) -> Evene
     Parameters and errors are those of `evened`.
     """
     last = np.append(np.diff(times) > 0, True)
-    if len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2:
-        return evened(times, positions, rate=rate)
-    even = _even_rate(times[last] - times[0], rate)
+    is_odd = len(times) < 2 or (np.diff(times) < 0).any() or last.sum() < 2
+    even = 0.0 if is_odd else _even_rate(times[last] - times[0], rate)
     return Evened(positions[last], even, 0, ()) if even else evened(times, positions, rate=rate)
 
 

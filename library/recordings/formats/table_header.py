@@ -221,7 +221,9 @@ def _is_no_place(name: str, ahead: Collection[tuple[str, ...]], no_places: froze
     *front, last = words_of(name) or [""]
     if last in ("forward", "up", "right") and (*front,) in ahead:
         return True
-    ends = tuple(word for word in no_places if len(word) > 2) if name.isupper() else ()
+    # Where marks are between its words each is one: `SPINE_NAVEL`.
+    is_one_word = name.isupper() and name.rpartition(":")[2].isalnum()
+    ends = tuple(word for word in no_places if len(word) > 2) if is_one_word else ()
     # ROS puts `field.` in front of all its names.
     is_field = name.lower() == "field"
     return is_field or bool(no_places & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)
@@ -308,9 +310,10 @@ def _over_axes(rows: Sequence[Sequence[str]], place: int, first: Sequence[str]) 
     below = next((each for each in rows[place + 1 :] if not any("".join(each[c : c + 1]) for c in ours)), ())
     near, low = ([*each, *[""] * len(row)] for each in (above[-1] if above else (), below))
     heads = ["" if axes[c] else low[c].strip() or row[c] or near[c].strip() for c in range(len(row))]
+    # Motive calls a skeleton's first bone like the skeleton; Vicon Tracker calls each thing so.
+    root = "Hip" if any(cell and not _ROOT.match(cell) for cell in (named[column] for column in ours)) else r"\1"
     for column in ours:
-        # Motive calls a skeleton's first bone like the skeleton.
-        name, axis = _ROOT.sub(r"\1:Hip", named[column]), found[column]
+        name, axis = _ROOT.sub(rf"\1:{root}", named[column]), found[column]
         heads[column] = f"{name}_{axis[1]} {axis[2] or ''}" if axis and name else ""
     return heads
 
@@ -453,12 +456,12 @@ def _said(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
 
 
 def _plain(joints: _Columns) -> _Columns:
-    """Leave out words that are no part of a name: those for a position, and one for a joint in front of all."""
+    """Leave out words that are no part of a name: those for a position, and those for a joint in front of all."""
     names = Counter(map(plain, joints))
     found = {plain(joint) if names[plain(joint)] == 1 else joint: axes for joint, axes in joints.items()}
     front = re.match(r"([^\W_]+)[\W_]+", next(iter(found), ""))
     if front and front[1].lower() in _FRONTS and all(joint.startswith(front[0]) for joint in found):
-        bare = {joint.removeprefix(front[0]) or joint: axes for joint, axes in found.items()}
-        # `Marker 001` is a whole name.
-        return found if any(map(str.isdigit, bare)) else bare
+        bare = {joint.removeprefix(front[0]).strip("[]\"'") or joint: axes for joint, axes in found.items()}
+        # `Marker 001` is a whole name; Blender has two words in front: `pose.bones["Hips"]`.
+        return found if any(map(str.isdigit, bare)) or len(bare) < len(found) else _plain(bare)
     return found

@@ -133,9 +133,9 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
     return best if not apart(best) else next((each for each in guesses if not apart(each)), best)
 
 
-def _counted(said: Any, numbers: NDArray[np.float64], announced: int) -> int:  # noqa: ANN401
+def _counted(numbers: NDArray[np.float64], announced: int, count: int) -> int:
     """Count the frames: as the header says, unless the bytes, or POINT:FRAMES and the bytes, tell of others."""
-    least, count = announced if announced <= len(numbers) else 0, int(_number(said, "POINT:FRAMES"))
+    least = announced if announced <= len(numbers) else 0
     unsaid = not least or announced == _WRAP - 1
     if unsaid or len(numbers) >= announced + _WRAP:
         # A header that counts modulo 65,536, no further, too far, or not at all: the bytes tell.
@@ -157,7 +157,8 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     if turns and matrices > block and said.header.point_count:
         # Matrices of segments stand behind the points.
         content = content[: (matrices - 1) * _BLOCK]
-    points, analog, scale = _layout(said, len(content) - (block - 1) * _BLOCK, announced)
+    count = int(_number(said, "POINT:FRAMES"))
+    points, analog, scale = _layout(said, len(content) - (block - 1) * _BLOCK, announced or count)
     if turns and not points:
         # Theia's files hold them in place of points: 16 numbers, a place in their last column.
         points, block, width, place, analog, scale = turns, matrices, 17, 12, 0, -1.0
@@ -167,7 +168,7 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
         raise ValueError(f"expected a C3D, got an impossible header ({points} points, {announced} frames)")
     each = width * points + analog
     numbers, notes = _numbers(said, content, block, scale, each), list[str]()
-    frames = _counted(said, numbers, announced)
+    frames = _counted(numbers, announced, count)
     if not frames:
         raise ValueError("expected frames, got a file that ends before its first one")
     if frames != announced:

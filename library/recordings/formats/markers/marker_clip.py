@@ -32,7 +32,7 @@ _Own = dict[int, str]
 #: Markers of one segment are nearer to each other, in shares of how far half of all are from the middle; people never.
 #: A body that is smoothed, or stands there again, is nearer to the first one than two people who stand at one place.
 _NEAR, _SAME = 0.5, 0.03
-#: Share of the markers whose absence makes a frame one without a body, the first that leaves half of the markers.
+#: Share of the markers whose absence makes a frame one without a body, the first that leaves enough of the recording.
 _ABSENT = (0.5, 0.25, 0.0)
 #: Markers that a remark lists, at most.
 _MAX_LISTED = 8
@@ -54,7 +54,7 @@ def clips_of_markers(  # noqa: PLR0913 - what files say of their markers
     Of several people those who are never seen are left out, and those who are no bodies: speeds, say.
 
     A marker that is missing for a short time is put on a straight line; before its first and after its last sight it
-    rests. One that is missing for longer than `MAX_GAP` is left out; where most markers are missing the body rests, and
+    rests. One that is missing for longer than `MAX_GAP` is left out; where too many are missing the body rests, and
     the clip lists the gap.
 
     Parameters
@@ -111,7 +111,7 @@ def _oddities(people: dict[str, _Own], labels: Sequence[str]) -> Iterator[str]:
         yield f"left out: no performer's: {listed(things, 5)}"
     subjects = Counter(filter(None, (labels[place].rpartition(":")[0] for place in sorted(theirs))))
     names = [name for own in people.values() for name in own.values()]
-    if len(people) == 1 < len(subjects) and len({*names}) == len(names):
+    if len(people) == 1 < len(subjects) < len(names) == len({*names}):
         largest = max(subjects, key=subjects.__getitem__)
         yield f"subjects: {listed([*subjects], 5)}: one body; --joints '{largest}:*' takes one"
 
@@ -168,10 +168,9 @@ def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
         raise ValueError(f"expected 2 markers or more that are seen, got {(~lost).sum()} of {len(names)}")
     skeleton = Skeleton(tuple(name for name, gone in zip(names, lost, strict=True) if not gone))
     filled = _filled(even.positions[:, ~lost], missing[:, ~lost], absent)
-    odd = "positions: no two joints keep their distance: are they velocities, or turns?"
-    rests = [] if _holds_together(filled) else [odd]
+    rests = ["positions: no two joints keep their distance: are they speeds, or turns?"] * (not _holds_together(filled))
     spans = [(a / even.rate, b / even.rate) for a, b in absent]
-    rests += [f"not seen: most markers from {a:.2f} to {b:.2f} s; the body rests" for a, b in spans]
+    rests += [f"not seen: markers from {a:.2f} to {b:.2f} s; the body rests" for a, b in spans]
     return Clip(
         skeleton=skeleton,
         positions=filled,
@@ -198,10 +197,9 @@ def _seen(positions: Positions) -> Positions:
     away, radius = from_middle(found)
     # A place that is held in several frames is no place: programs write 9999 for markers that they do not see.
     far = away > FAR * radius
-    if far.any():
-        places, counts = np.unique(found[far], axis=0, return_counts=True)
-        for place in places[counts > 1]:
-            found[far & (found == place).all(axis=2)] = np.nan
+    places, counts = np.unique(found[far], axis=0, return_counts=True)
+    for place in places[counts > 1]:
+        found[far & (found == place).all(axis=2)] = np.nan
     return found
 
 
@@ -213,9 +211,12 @@ def _is_around_origin(positions: Positions) -> bool:
 
 
 def _absences(missing: NDArray[np.bool_], longest: float) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
-    """Find when there is no body, frames from and to, and the markers that are missing for too long at other times."""
+    """Find when there is no body, frames from and to, and the markers that are missing for too long at other times.
+
+    Half of the markers in half of the frames are enough; else the way counts by which most places are left.
+    """
     ever: NDArray[np.bool_] = ~missing.min(axis=0)
-    absent, lost = list[tuple[int, int]](), ~ever
+    ways = list[tuple[int, list[tuple[int, int]], NDArray[np.bool_]]]()
     for share in _ABSENT:
         away = np.asarray(missing[:, ever].mean(axis=1) > share) if ever.any() else ever[:0]
         absent = [(a, b) for a, b in _runs(away) if b - a > longest]
@@ -223,9 +224,11 @@ def _absences(missing: NDArray[np.bool_], longest: float) -> tuple[list[tuple[in
         for a, b in absent:
             gone[a:b] = False
         lost = np.array([any(b - a > longest for a, b in _runs(each)) for each in gone.T]) | ~ever
-        if (~lost).sum() * 2 >= ever.sum():
-            break
-    return absent, lost
+        kept, frames = int((~lost).sum()), len(missing) - sum(b - a for a, b in absent)
+        if 2 * kept >= ever.sum() and 2 * frames >= len(missing):
+            return absent, lost
+        ways.append((kept * frames, absent, lost))
+    return max(ways, key=lambda way: way[0])[1:]
 
 
 def _filled(positions: Positions, missing: NDArray[np.bool_], absent: Sequence[tuple[int, int]]) -> Positions:

@@ -253,7 +253,7 @@ class Remembered(NamedTuple):
         return evened(times, positions, rate=rate).clip(self.skeleton)
 
 
-class Memory:
+class RecentFrames:
     """Remembers a performer's frames, thinned, and measures their movement.
 
     Parameters
@@ -453,7 +453,7 @@ class Teacher:
         self.roster = roster
         self.lesson: Lesson | None = None
         self.skeleton, self._base, self._stillness = skeleton, tuple(base_classes), stillness
-        self._memories: dict[str, Memory] = {}
+        self._recent: dict[str, RecentFrames] = {}
         self.named = NamedMotions()
         #: The rosters before each change, and what it changed.
         self._before: list[tuple[Roster, str]] = []
@@ -467,12 +467,12 @@ class Teacher:
 
     def push(self, frame: Frame, now: float) -> Told:
         """Take in a frame, positions in the order of the skeleton."""
-        memory = self._memories.get(frame.performer)
-        if memory is None:
+        recent = self._recent.get(frame.performer)
+        if recent is None:
             self._forget_absent(now)
-            memory = self._memories[frame.performer] = Memory(self.skeleton)
-        before, movement = memory.newest, memory.push(frame.time, frame.positions, now)
-        if memory.newest < before:
+            recent = self._recent[frame.performer] = RecentFrames(self.skeleton)
+        before, movement = recent.newest, recent.push(frame.time, frame.positions, now)
+        if recent.newest < before:
             # The sender has begun again: what was named or shown before was at times of another clock.
             self.named.forget(frame.performer)
             shown, long_ago = self._shown.items(), Stretch(-math.inf, -math.inf)
@@ -487,8 +487,8 @@ class Teacher:
         if now - self._ticked > _STOPPED:
             self._woke = now
         self._ticked = now
-        for performer, memory in self._memories.items():
-            if motion := self.named.confirmed(performer, memory.newest):
+        for performer, recent in self._recent.items():
+            if motion := self.named.confirmed(performer, recent.newest):
                 return self._take_judged(performer, motion)
         lesson = self.lesson
         if lesson is None:
@@ -558,8 +558,8 @@ class Teacher:
     def recent(self, number: int) -> Remembered | None:
         """Give the performer's last minutes before an example that is being checked; None when they are not known."""
         performer, whole = self._shown.get(number, ("", Stretch(0.0, 0.0)))
-        memory = self._memories.get(performer)
-        gathered = memory.gathered(whole.start - REMEMBERED, whole.start) if memory else None
+        recent = self._recent.get(performer)
+        gathered = recent.gathered(whole.start - REMEMBERED, whole.start) if recent else None
         names = {each.number: each.class_name for each in self.roster.examples}
         same = [of for each, of in self._shown.items() if names.get(each) == names.get(number) and of[0] == performer]
         return gathered and gathered._replace(shown=[span for _, span in same])
@@ -571,19 +571,19 @@ class Teacher:
             why = f"no such performer is there, but {there}" if there else "nobody is there: no frames come"
             return [_refused(asked.performer, why)]
         if isinstance(asked, commands.Last):
-            end = self._memories[performer].newest - asked.ago
+            end = self._recent[performer].newest - asked.ago
             return self._take(performer, asked.class_name, Stretch(end - asked.seconds, end))
         if self.lesson:
             return [_refused(performer, f"{self.lesson.performer} is being taught {self.lesson.class_name}")]
         if isinstance(asked, commands.Hold):
-            self.lesson = HeldLesson(asked, performer, self._memories[performer].newest)
+            self.lesson = HeldLesson(asked, performer, self._recent[performer].newest)
             return [State(performer, Step.RECORDING)]
         self.lesson = Lesson(asked, performer, now, self._stillness)
         return self.tick(now)
 
     def _take(self, performer: str, class_name: str, whole: Stretch, *, trims: bool = True) -> Told:
         """Take the movement in a remembered span as an example, or without trimming all of the span."""
-        clip = self._memories[performer].between(*whole)
+        clip = self._recent[performer].between(*whole)
         if clip is None or clip.gaps:
             return [_refused(performer, f"{whole.duration:g} s have not been seen")]
         return self._add(performer, class_name, clip, whole, None if trims else Stretch(0.0, clip.duration))
@@ -591,7 +591,7 @@ class Teacher:
     def _judged(self, asked: str, now: float, *, is_right: bool) -> Told:
         """Take the last named motion as an example of its class, or of `nothing`; once, until that is undone."""
         performer = self.named.last(asked, self._there(now))
-        motion = self.named.meant(performer, self._memories[performer].newest) if performer else None
+        motion = self.named.meant(performer, self._recent[performer].newest) if performer else None
         there = {each.number for each in self.roster.examples}
         shown = [of.start for number, (name, of) in self._shown.items() if number in there and name == performer]
         # Behind an example nobody means what was named before it.
@@ -606,11 +606,11 @@ class Teacher:
 
     def _take_judged(self, performer: str, motion: NamedMotion) -> Told:
         """Take a motion that was judged as an example of its class, or with what surrounds it of `nothing`."""
-        memory, number = self._memories[performer], self._number
+        recent, number = self._recent[performer], self._number
         if motion.is_right:
-            notices = self._take(performer, motion.class_name, motion.span(memory.newest))
+            notices = self._take(performer, motion.class_name, motion.span(recent.newest))
         else:
-            around = memory.unbroken(motion.around(memory.newest), motion.started)
+            around = recent.unbroken(motion.around(recent.newest), motion.started)
             notices = self._take(performer, NOTHING, around, trims=False)
             if self._number > number:
                 self._wrong.add(number)
@@ -627,7 +627,7 @@ class Teacher:
             if step.step is Step.REFUSED:
                 self.lesson = None
             return [step]
-        clip = self._memories[lesson.performer].between(*step.whole)
+        clip = self._recent[lesson.performer].between(*step.whole)
         if not lesson.left:
             self.lesson = None
         if clip is None or clip.gaps:
@@ -648,7 +648,7 @@ class Teacher:
             return [_refused(performer, f"{MAX_EXAMPLES} examples are there already")]
         number, self._number = self._number, self._number + 1
         example = Example(number, class_name, replace(clip, actor=performer), kept.start, kept.end)
-        # What lies before the memory is never tried again.
+        # What lies before the recent is never tried again.
         oldest = whole.start - REMEMBERED
         self._shown = {each: of for each, of in self._shown.items() if of[0] != performer or of[1].end > oldest}
         self._shown[number] = performer, whole
@@ -691,15 +691,15 @@ class Teacher:
 
     def _there(self, now: float) -> dict[str, float]:
         """Give the performers who are present, and when their last frames arrived."""
-        return {each: memory.arrived for each, memory in self._memories.items() if self._silent(each, now) <= _GONE}
+        return {each: recent.arrived for each, recent in self._recent.items() if self._silent(each, now) <= _GONE}
 
     def _silent(self, name: str, now: float) -> float:
         """Say for how many seconds a performer has sent nothing; the time for which we were stopped does not count."""
-        return now - max(self._memories[name].arrived, self._woke)
+        return now - max(self._recent[name].arrived, self._woke)
 
     def _forget_absent(self, now: float) -> None:
-        for name in [each for each, memory in self._memories.items() if now - memory.arrived > 60.0]:
-            del self._memories[name]
+        for name in [each for each, recent in self._recent.items() if now - recent.arrived > 60.0]:
+            del self._recent[name]
             self.named.forget(name)
 
 

@@ -77,7 +77,7 @@ def _lines(path: Path, most: int | None = None) -> Iterator[tuple[int, list[str]
             yield number, words
 
 
-class _Line(Line):
+class _SkeletonLine(Line):
     """A line of an ASF, which is understood when all lines are known."""
 
     def floats(self, count: int) -> list[float]:
@@ -107,10 +107,10 @@ def read_asf(path: Path) -> AcclaimSkeleton:
     OSError
         The file cannot be opened.
     """
-    section, entry, heads = "", dict[str, _Line](), defaultdict[str, dict[str, _Line]](dict)
-    bones, parents = dict[str, dict[str, _Line]](), dict[str, str]()
+    section, entry, heads = "", dict[str, _SkeletonLine](), defaultdict[str, dict[str, _SkeletonLine]](dict)
+    bones, parents = dict[str, dict[str, _SkeletonLine]](), dict[str, str]()
     for number, words in _lines(path, memory.MAX_WITHOUT_MOTION):
-        word, line = words[0].lower(), _Line(path, number, words)
+        word, line = words[0].lower(), _SkeletonLine(path, number, words)
         if word.startswith(":"):
             section = word
         elif section == ":bonedata":
@@ -138,7 +138,7 @@ def read_asf(path: Path) -> AcclaimSkeleton:
     return AcclaimSkeleton(skeleton, tuple(found), metres, angle)
 
 
-def _adopt(line: _Line, bones: Collection[str], parents: dict[str, str]) -> None:
+def _adopt(line: _SkeletonLine, bones: Collection[str], parents: dict[str, str]) -> None:
     """Read a bone's children in the hierarchy."""
     parent, *children = line.words
     if parent != "root" and parent not in parents:
@@ -151,7 +151,7 @@ def _adopt(line: _Line, bones: Collection[str], parents: dict[str, str]) -> None
         parents[child] = parent
 
 
-def _units_in(units: Mapping[str, _Line]) -> tuple[float, str]:
+def _units_in(units: Mapping[str, _SkeletonLine]) -> tuple[float, str]:
     """Give the metres of the unit of length, and the unit of angles."""
     length, angle = units.get("length"), units.get("angle")
     inches = positive_in(length.words[1:2], length.path, length.number, "unit of length") if length else 1.0
@@ -161,13 +161,13 @@ def _units_in(units: Mapping[str, _Line]) -> tuple[float, str]:
     return METRES["in"] / inches, unit
 
 
-def _root(lines: Mapping[str, _Line], metres: float, angle: str) -> Bone:
+def _root(lines: Mapping[str, _SkeletonLine], metres: float, angle: str) -> Bone:
     channels, order = lines["order"].channels(("tx", "ty", "tz", "rx", "ry", "rz")), lines["axis"].order(-1)
     position, turn = (lines[word].floats(3) if word in lines else [0.0] * 3 for word in ("position", "orientation"))
     return Bone("root", np.array(position) * metres, _frame(order, turn, angle), order, channels)
 
 
-def _bone(name: str, lines: Mapping[str, _Line], metres: float, angle: str) -> Bone:
+def _bone(name: str, lines: Mapping[str, _SkeletonLine], metres: float, angle: str) -> Bone:
     for word in ("direction", "length", "axis"):
         if word not in lines:
             lines["name"].fail(f"bone {name!r} has no {word}")

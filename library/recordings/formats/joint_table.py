@@ -44,7 +44,13 @@ from kinespace.library.recordings.formats.measures import (
     timing,
     words_of,
 )
-from kinespace.library.recordings.formats.table_header import Header, coordinate_of, header_of, is_numbers, is_value
+from kinespace.library.recordings.formats.table_header import (
+    TableHeader,
+    coordinate_of,
+    header_of,
+    is_numbers,
+    is_value,
+)
 from kinespace.library.recordings.formats.texts import MAX_LINE, lines_of
 from kinespace.library.skeleton import Skeleton
 
@@ -209,7 +215,7 @@ class _Table:
         Rows that are shorter than the header, and numbers behind all names in a row, at most.
     """
 
-    header: Header
+    header: TableHeader
     first: Sequence[str]
     begin: int
     points: Collection[int] = ()
@@ -446,7 +452,7 @@ def _with_points(head: list[list[str]], row: list[str], line: int, points: Colle
     return _Table(header, first, line, points)
 
 
-def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
+def _labels_in(head: TableHeader, first: Sequence[str]) -> list[int]:
     """Find the columns that may name the joint, or the coordinate, that stands in a row; the likeliest one first."""
     there = dict.fromkeys((*head.labels, *head.free, *head.people))
     free = [each for each in there if each < len(first) and "." not in first[each]]
@@ -459,7 +465,7 @@ def _labels_in(head: Header, first: Sequence[str]) -> list[int]:
     return [*labels, *free] if labels else []
 
 
-def _labelled(head: Header, first: Sequence[str], rows: list[list[str]]) -> tuple[list[int], list[int], list[str]]:
+def _labelled(head: TableHeader, first: Sequence[str], rows: list[list[str]]) -> tuple[list[int], list[int], list[str]]:
     """Give the columns of times, the one that tells people apart, and the name of what stands in each row."""
     counts = [len({row[column] for row in rows}) for column in range(len(first))]
     # What differs from row to row numbers the rows.

@@ -76,7 +76,7 @@ _Places = dict[str, list[int]]
 
 
 @dataclass(frozen=True, slots=True)
-class Header:
+class TableHeader:
     """The columns of a table.
 
     Attributes
@@ -134,7 +134,7 @@ def is_value(name: str) -> bool:
     return name.strip().lower() in _VALUES
 
 
-def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Header | None:
+def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> TableHeader | None:
     """Read the rows above a table's first frame; None where they name no two joints."""
     # Qualisys names no unit: its numbers are millimetres, those of hands or feet alone, too.
     if any(row[:1] == ["MARKER_NAMES"] for row in rows) and any(re.match(r"-?\d{3}", cell) for cell in first[2:]):
@@ -403,7 +403,7 @@ def _filled(row: Sequence[str], size: int, axes: Sequence[str] = ()) -> list[str
 
 def _header(
     rows: Sequence[Sequence[str]], names: Sequence[str], joints: _Columns, others: list[str], units: set[str]
-) -> Header:
+) -> TableHeader:
     taken = {column for axes in joints.values() for column in axes}
     words = {column: words_of(name) for column, name in enumerate(names) if column not in taken}
     parts = [c for c, each in words.items() if _PARTS >= {*each} > set()]
@@ -426,7 +426,7 @@ def _header(
     over = [{row[column].strip("()[]. ").lower() for column in taken if column < len(row)} - {""} for row in rows]
     lengths = {each.lower() for each in units}.union(*(each for each in over if each <= {*METRES})) & {*METRES}
     of_length = [*said.get("unit", ()), *(lengths if len({*map(METRES.get, lengths)}) == 1 else ())]
-    return Header(
+    return TableHeader(
         [name.strip().strip("#").strip() for name in names],
         _plain(joints),
         [*times, *(column for column in frames if column not in times)],

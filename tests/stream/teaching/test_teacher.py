@@ -13,7 +13,7 @@ from kinespace.stream.osc.packet import encode_bundle
 from kinespace.stream.teaching import Changed, Command, Notice, State, Step, Taught, Teacher, commands
 from kinespace.stream.teaching.commands import CommandError, Tried
 from kinespace.stream.teaching.examples import Check, Roster
-from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, Memory, NamedMotions
+from kinespace.stream.teaching.teacher import AT_WILL, MAX_RECORDING, NamedMotions, RecentFrames
 
 RATE = 60.0
 
@@ -250,10 +250,10 @@ def test_an_example_that_cannot_be_compared_is_taken_back() -> None:
 
 def test_a_feed_with_pauses_is_remembered_for_as_many_seconds_as_any() -> None:
     """Frames that are rare, or a performer who comes and goes, keep no longer a past than a steady feed."""
-    stage, memory = Stage(), Memory(MotionLibrary.builtin().skeleton)
+    stage, recent = Stage(), RecentFrames(MotionLibrary.builtin().skeleton)
     for second in range(400):
-        memory.push(float(second), stage.library.motions[0].positions[0], 0.0)
-    assert [memory._frames[end][0] for end in (0, -1)] == [99.0, 399.0]  # noqa: SLF001 - unseen
+        recent.push(float(second), stage.library.motions[0].positions[0], 0.0)
+    assert [recent._frames[end][0] for end in (0, -1)] == [99.0, 399.0]  # noqa: SLF001 - unseen
 
 
 def test_an_example_of_some_seconds_ago_is_the_movement_of_then(sticks: MotionLibrary) -> None:

@@ -86,7 +86,7 @@ def _opened(lessons: Sequence[Lessons], person: str) -> WindowIndex:
     examples = [example_of(*each) for of_teacher in lessons for each in of_teacher.values()]
     if not examples:
         raise ValueError("TAKE: expected labelled segments that teach, got none")
-    return open_taught(MotionLibrary.of_clips(examples), {person} & {*MotionLibrary.builtin().actors})
+    return open_taught(MotionLibrary.of_clips(examples), {person})
 
 
 def example_of(take: Take, segment: Segment) -> Clip:

@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, similarity
+from kinespace.library import Clip, distance_rows, signature_of, similarity
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
-from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
-from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
+from kinespace.tools.cli.arguments import report_path
+from kinespace.tools.evaluation.harness import add_sources, distinct, motions_at
 from kinespace.tools.evaluation.scores import Figure, basis_of, interval, intervals_of, ratio, values_of, write_rows
 
 _COLUMNS = (
@@ -36,18 +36,14 @@ _NAME = 24
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = "clips, takes with labels beside them, or folders (default: the built-in motions, which have no rotations)"
-    parser.add_argument("folder", nargs="*", type=Path, metavar="FOLDER", help=text)
-    add_reading(parser)
-    add_shared(parser, "--actor-in")
+    add_sources(parser, "the built-in motions, which have no rotations")
+    parser.set_defaults(clips=True)
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
     text = "write a row for each motion and comparison: the two nearest, their products, and whether they are right"
     parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
     parser.add_argument("--picture", type=report_path, metavar="FILE", help=text)
-    text = "print a JSON list of all rows, with confusion matrices by class, and nothing else"
-    parser.add_argument("--json", action="store_true", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -55,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     for output in filter(None, (options.answers, options.picture)):
         console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
-    clips = _motions(options)
+    clips = motions_at(options)
     labels = Labels(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
     ways = _ways(clips, options.signature)
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
@@ -84,25 +80,6 @@ def run(options: argparse.Namespace) -> None:
     else:
         _print(clips, scores)
         _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))
-
-
-def _motions(options: argparse.Namespace) -> Sequence[Clip]:
-    """Read motions over the joints that all have; takes are cut by the labels beside them."""
-    clips: Sequence[Clip] = MotionLibrary.builtin().motions
-    if options.folder:
-        takes = read_takes(Sources(options.folder, clips=True), reading_of(options))
-        clips = [motion for take in takes for motion in take.motions()]
-    if short := [clip.name for clip in clips if clip.frames < 2]:
-        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
-    classes = sorted({clip.class_name for clip in clips})
-    if len(classes) < 2:
-        got = f"got {len(clips)} of {', '.join(classes) or 'none'}"
-        where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
-        raise ValueError(f"FOLDER: expected motions of two classes or more, {got}: {where}")
-    joints = shared_joints([clip.skeleton for clip in clips])
-    if any(len(clip.skeleton.joints) > len(joints) for clip in clips):
-        clips = [clip.restricted_to(joints) for clip in clips]
-    return [clip.as_of(clips[0].skeleton) for clip in clips]
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:

@@ -393,6 +393,29 @@ def takes_at(options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
     return [take for take in takes_of(library.motions) if sources.wants(take.person)]
 
 
+def motions_at(options: argparse.Namespace) -> list[Clip]:
+    """Cut the motions out of the takes, or give the built-in library's, over the joints that all have, in one order.
+
+    Raises
+    ------
+    ValueError
+        A motion has one frame, or they are of one class.
+    """
+    takes = takes_at(options, MotionLibrary.builtin())
+    motions = [motion for take in takes if take.is_known for motion in take.motions()]
+    if short := [clip.name for clip in motions if clip.frames < 2]:
+        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
+    classes = {clip.class_name for clip in motions}
+    if len(classes) < 2:
+        got = f"got {len(motions)} of {', '.join(classes) or 'none'}"
+        where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
+        raise ValueError(f"TAKE: expected motions of two classes or more, {got}: {where}")
+    joints = shared_joints([clip.skeleton for clip in motions])
+    if any(len(clip.skeleton.joints) > len(joints) for clip in motions):
+        motions = [clip.restricted_to(joints) for clip in motions]
+    return [clip.as_of(motions[0].skeleton) for clip in motions]
+
+
 def protocol_of(options: argparse.Namespace) -> Protocol:
     """Give the protocol: a library cannot be asked about its own motions."""
     given = sources_of(options)

@@ -267,13 +267,7 @@ class Retrieval(NamedTuple):
 
 
 def signatures_of(clips: Sequence[Clip], space: Space, kind: SignatureKind) -> NDArray[np.float64]:
-    """Compute each clip's signature in one space, shape (clips, numbers of a frame).
-
-    Raises
-    ------
-    ValueError
-        A clip has no rotations, and rotations are asked for.
-    """
+    """Compute each clip's signature in one space, shape (clips, numbers of a frame)."""
     centred = kind is SignatureKind.EIGENVECTOR
     return np.array([signature_of(_frame_rows(clip, space), centred=centred) for clip in clips])
 
@@ -283,8 +277,6 @@ def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:
         return distance_rows(clip.positions, clip.skeleton)
     if space is Space.POSITIONS:
         return clip.positions.reshape(clip.frames, -1).astype(np.float64)
-    if not clip.rotations.shape[1]:
-        raise ValueError(f"space: clip {clip.name!r} has no rotations")
     return clip.rotations
 
 

@@ -58,7 +58,9 @@ def run(options: argparse.Namespace) -> None:
         scores.write_rows(options.answers, scores.answer_rows(courses, classes))
     if options.segments:
         scores.write_rows(options.segments, scores.segment_rows(courses, classes, harness.INSIDE))
-    found = scores.score_courses(courses, classes, harness.INSIDE).as_json(by_person=by_person)
+    figures, described = scores.score_courses(courses, classes, harness.INSIDE)
+    intervals = scores.intervals_of(figures, by_person=by_person)
+    found = {**scores.values_of(figures), **described, "intervals": intervals}
     tables = [*scores.tables_of(found, "95 %, by person" if by_person else "95 %")]
     if persons:
         found |= {"persons": persons, **_over(persons)}
@@ -101,7 +103,8 @@ def _by_person(
     values = dict[str, _Values]()
     for person in sorted({each.person for each in asked} - {""}):
         own = [course for each, course in zip(asked, courses, strict=True) if each.person == person]
-        values[person] = scores.values_of(scores.score_courses(own, classes, harness.INSIDE).figures)
+        figures, _ = scores.score_courses(own, classes, harness.INSIDE)
+        values[person] = scores.values_of(figures)
     return values
 
 

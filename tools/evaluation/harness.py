@@ -97,8 +97,6 @@ class Sources:
         Class names for labels that the library calls otherwise.
     persons
         The persons whose takes are kept; all when empty.
-    skeleton
-        Name of a joint set to which takes are restricted; all joints when not given.
     """
 
     places: Sequence[Path] = ()
@@ -108,7 +106,6 @@ class Sources:
     tables: Sequence[Path] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     persons: Sequence[str] = ()
-    skeleton: str | None = None
 
     def __bool__(self) -> bool:
         return bool(self.places or self.unknown or self.tables)
@@ -151,9 +148,6 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
             note(line)
     if not takes:
         raise ValueError(f"--subjects: expected persons with takes, got {', '.join(sources.persons)}")
-    if sources.skeleton:
-        joints = arguments.joints_of(sources.skeleton)
-        takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
     return _with_distinct_names(_with_labels(takes, sources.names))
 
 
@@ -276,10 +270,8 @@ class Asked(NamedTuple):
     person: str = ""
 
 
-def asked_by(
-    takes: Sequence[Take], protocol: Protocol, library: MotionLibrary | None = None, *, either_side: bool = False
-) -> list[Asked]:
-    """Say which library recognises which take; takes of one library come together.
+def asked_by(takes: Sequence[Take], protocol: Protocol, *, either_side: bool = False) -> list[Asked]:
+    """Make the libraries of a protocol, and say which recognises which take; takes of one library come together.
 
     Takes without labels are recognised by every library of the protocol that has no motions of their person; where one
     take is left out at a time, by the library of all takes.
@@ -289,9 +281,7 @@ def asked_by(
     takes
         At least one.
     protocol
-        How libraries are made.
-    library
-        The library of `Protocol.LIBRARY`; other protocols need none.
+        How libraries are made; not `Protocol.LIBRARY`, which makes none.
     either_side
         Whether the libraries that are made have each motion mirrored, too.
 
@@ -300,10 +290,6 @@ def asked_by(
     ValueError
         The performers are not known, or no motion is left to make a library of.
     """
-    if protocol is Protocol.LIBRARY:
-        if library is None:
-            raise ValueError("library: expected one for --protocol library, got none")
-        return [Asked(take, library) for take in takes]
     labelled = [take for take in takes if take.is_known]
     every = [*labelled, *(take for take in takes if not take.is_known)]
     by_take = protocol is Protocol.LEAVE_ONE_TAKE_OUT
@@ -387,10 +373,15 @@ def sources_of(options: argparse.Namespace) -> Sources:
 
 
 def takes_at(options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
-    """Read the takes; without any give the motions of a library."""
+    """Read the takes; without any give the motions of a library; perhaps with the joints of one product alone."""
     if sources := sources_of(options):
-        return read_takes(sources, arguments.reading_of(options))
-    return [take for take in takes_of(library.motions) if sources.wants(take.person)]
+        takes = read_takes(sources, arguments.reading_of(options))
+    else:
+        takes = [take for take in takes_of(library.motions) if sources.wants(take.person)]
+    if not options.skeleton:
+        return takes
+    joints = arguments.joints_of(options.skeleton)
+    return [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
 
 
 def motions_at(options: argparse.Namespace) -> list[Clip]:
@@ -440,11 +431,14 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     given = None
     if protocol is Protocol.LIBRARY or not sources:
         given = arguments.library_at(options.library)
-        given = given.restricted_to(arguments.joints_of(options.skeleton)) if options.skeleton else given
     takes = takes_at(options, given or MotionLibrary.builtin())
     joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else ())])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-    asked = asked_by(takes, protocol, given.restricted_to(joints) if given else None, either_side=options.either_side)
+    if given and protocol is Protocol.LIBRARY:
+        library = given.restricted_to(joints)
+        asked = [Asked(take, library) for take in takes]
+    else:
+        asked = asked_by(takes, protocol, either_side=options.either_side)
     classes = tuple(sorted({name for each in asked for name in each.library.classes}))
     _require_classes(takes, sources, classes)
     return asked, classes

@@ -12,8 +12,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from itertools import chain, count, pairwise
+from itertools import chain, count
 from pathlib import Path
+
+import numpy as np
 
 from kinespace.library import Clip, MotionLibrary, Reading, Skeleton, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
@@ -80,15 +82,15 @@ def run(options: argparse.Namespace) -> int:
         if is_raw:
             return replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
         recordings = recordings_in(places, reading)
-        pieces = pieces_of(recordings, reading, options)
+        read = read_labelled(recordings, reading, options)
         with console.progress_console.status("Reading"):
-            first = next(pieces)
-        played = feed.piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
+            first = next(read)
+        played = feed.labelled_cues(chain([first], read), options.performer, speed=options.speed, pause=options.pause)
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
         *_, sender = _senders(opened, osc_to, zmq_to, keyring).values()
-        stream = feed.FrameStream(sender, first.clip.skeleton.joints)
+        stream = feed.FrameStream(sender, first[0].skeleton.joints)
         exchange = Exchange(stream, listener, options.performer, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(exchange.report, as_json=options.json)
@@ -151,7 +153,9 @@ def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) ->
     return f"sending {what}, {seconds:.0f} s{', again and again' if options.loop else ''}"
 
 
-def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace) -> Iterator[feed.Piece]:
+def read_labelled(
+    recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace
+) -> Iterator[feed.Labelled]:
     """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None
     reader, teller = RecordingReader(reading), console.NameNotes()
@@ -159,7 +163,7 @@ def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argp
         for recording in recordings:
             clip, segments = _read(reader, recording)
             skeleton = skeleton or clip.skeleton
-            yield from _cut(teller(clip).as_of(skeleton), segments, options)
+            yield _cut(teller(clip).as_of(skeleton), segments, options)
         if not options.loop:
             return
 
@@ -172,18 +176,17 @@ def _read(reader: RecordingReader, recording: Path | Clip) -> tuple[Clip, Sequen
     return (clip, segments) if segments else (labelled(clip, recording), ())
 
 
-def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> Iterator[feed.Piece]:
-    """Give the wanted part of a recording in pieces, each of one class: it is divided where labels begin and end."""
+def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> feed.Labelled:
+    """Give the wanted part of a recording, with the label of each frame's moment, or the recording's class."""
     begin = round(options.begin * clip.frame_rate)
     end = clip.frames if options.end is None else min(round(options.end * clip.frame_rate), clip.frames)
     if begin >= end:
         raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {clip.duration:.2f} s")
-    spans = [(round(each.start * clip.frame_rate), round(each.end * clip.frame_rate), each.label) for each in segments]
-    ends = {place for span in spans for place in span[:2] if begin < place < end}
-    for first, last in pairwise(sorted({begin, end, *ends})):
-        label = next((label for start, stop, label in spans if start <= first < stop), "")
-        piece = replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
-        yield feed.Piece(first - begin, replace(piece, class_name=label) if segments else piece)
+    classes = np.full(clip.frames, "" if segments else clip.class_name, dtype=object)
+    for each in segments:
+        classes[round(each.start * clip.frame_rate) : round(each.end * clip.frame_rate)] = each.label
+    part = replace(clip, positions=clip.positions[begin:end], rotations=clip.rotations[begin:end])
+    return part, classes[begin:end].tolist()
 
 
 def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:

@@ -101,6 +101,12 @@ PAGE = "127.0.0.1:8010"
 BUILT_IN = Path("built-in")
 
 
+def several(kind: Callable[[str], object], metavar: str) -> dict[str, Any]:
+    """Give what an option is that takes several words, and may be given again."""
+    return {"nargs": "+", "action": "extend", "type": kind, "default": [], "metavar": metavar}
+
+
+_TAKES = "file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion"
 #: Options that several programs have, by name.
 _SHARED: dict[str, dict[str, Any]] = {
     "--osc-in": {"metavar": "[HOST:]PORT", "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)"},
@@ -119,6 +125,8 @@ _SHARED: dict[str, dict[str, Any]] = {
         "metavar": "NAME",
         "help": "read a .kinerec as this product's packets, see kinespace feeds; or FILE.toml (default: as recorded)",
     },
+    "--takes": {**several(Path, "CSV"), "dest": "tables", "help": _TAKES},
+    "--subjects": {**several(str, "NAME"), "help": "takes of these persons only"},
     "--library": {"type": Path, "metavar": "FILE", "help": f"a motion library (default: {BUILT_IN})"},
     "--json": {"action": "store_true", "help": "print JSON and nothing else (.github/docs/json.md says what)"},
     "--overwrite": {"action": "store_true", "help": "write over an existing file (default: refuse)"},
@@ -136,11 +144,6 @@ def report_path(text: str) -> Path:
     if path.suffix.lower() in (".npz", ".kinerec"):
         raise argparse.ArgumentTypeError(f"expected a table or a picture, like a.csv or a.png, got {text!r}")
     return path
-
-
-def several(kind: Callable[[str], object], metavar: str) -> dict[str, Any]:
-    """Give what an option is that takes several words, and may be given again."""
-    return {"nargs": "+", "action": "extend", "type": kind, "default": [], "metavar": metavar}
 
 
 def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
@@ -201,17 +204,6 @@ def class_at(place: Path) -> str:
 def add_labels(parser: argparse.ArgumentParser, of: str) -> None:
     """Add the option for files of labels; `of` says which takes they belong to."""
     parser.add_argument("--labels", **several(Path, "CSV"), help=f"start_s,end_s,label {of}")
-
-
-def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the option for tables of takes."""
-    text = "file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion"
-    parser.add_argument("--takes", dest="tables", **several(Path, "CSV"), required=required, help=text)
-
-
-def add_subjects(parser: argparse.ArgumentParser) -> None:
-    """Add the option that chooses takes by person."""
-    parser.add_argument("--subjects", **several(str, "NAME"), help="takes of these persons only")
 
 
 def made_of(kind: type[_Made], parsed: argparse.Namespace, **further: object) -> _Made:

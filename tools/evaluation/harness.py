@@ -147,7 +147,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
         for line in oddities(take.clip, take.segments) if take.is_known else ():
             note(line)
     if not takes:
-        raise ValueError(f"--subjects: expected persons with takes, got {', '.join(sources.persons)}")
+        raise ValueError(f"--takes, --subjects: expected takes of {', '.join(sources.persons) or 'anybody'}, got none")
     return _with_distinct_names(_with_labels(takes, sources.names))
 
 
@@ -345,8 +345,7 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
     arguments.add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
     arguments.add_reading(parser)
-    arguments.add_shared(parser, "--actor-in", "--json")
-    arguments.add_subjects(parser)
+    arguments.add_shared(parser, "--actor-in", "--subjects", "--json")
     parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
@@ -355,8 +354,7 @@ def add_asked(parser: argparse.ArgumentParser) -> None:
     """Add the options for takes of all kinds, and for the library and the recogniser that are asked."""
     add_sources(parser, "the library's own motions")
     parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help="takes, or folders, without known motions")
-    arguments.add_takes(parser)
-    arguments.add_shared(parser, "--library", "--either-side")
+    arguments.add_shared(parser, "--takes", "--library", "--either-side")
     text = (
         "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
         "motions of one person, for each person in turn"

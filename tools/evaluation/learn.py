@@ -136,10 +136,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     text = "also write typical windows of the takes in which nothing known happens, over HDM05's joints"
     parser.add_argument("--everyday", type=Path, metavar="FILE.npz", help=text)
-    arguments.add_takes(parser, required=True)
-    arguments.add_subjects(parser)
     arguments.add_reading(parser)
-    arguments.add_shared(parser, "--overwrite", "--json")
+    arguments.add_shared(parser, "--takes", "--subjects", "--overwrite", "--json")
 
 
 def run(options: argparse.Namespace) -> None:

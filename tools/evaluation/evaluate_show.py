@@ -238,17 +238,14 @@ def on_bones(positions: Positions, parents: Sequence[int], lengths: NDArray[np.f
     positions
         Shape (frames, joints, 3), metres.
     parents, lengths
-        As in `lengths_of`.
+        As in `lengths_of`; the built-in library's parents come before their children.
     """
     laid: NDArray[np.float64] = positions * (lengths.sum() / lengths_of(positions, parents).sum())
-    left = [joint for joint, parent in enumerate(parents) if parent >= 0]
-    while left:
-        # A parent is laid before its children, in whatever order the joints come.
-        joint = next(each for each in left if parents[each] not in left)
-        left.remove(joint)
-        bone = positions[:, joint] - positions[:, parents[joint]]
-        away = np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9)
-        laid[:, joint] = laid[:, parents[joint]] + lengths[joint] * bone / away
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            bone = positions[:, joint] - positions[:, parent]
+            away = np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9)
+            laid[:, joint] = laid[:, parent] + lengths[joint] * bone / away
     return laid
 
 

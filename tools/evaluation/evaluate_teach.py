@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     teachers = sorted(options.teachers or by_person)
     replies = _replies(by_person, teachers, options)
     if not any(replies.values()):
-        note(f"nothing asked: {_why_nobody_asks(by_person)}")
+        note("nothing asked: each class needs a take more than examples, and a class of one take keeps it from asking")
         return 1
     figures = {"examples": options.examples, **scored(replies, options.examples)}
     if options.json:
@@ -127,16 +127,6 @@ def _replies(
                         if options.left_out:
                             replies[f"unknown {whose}", count] += _strangers(asked, examples, settings)
     return replies
-
-
-def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
-    """Say what the takes lack: motions apart from those of the takes that teach."""
-    takes = defaultdict[str, set[str]](set)
-    for take, clip in (each for motions in by_person.values() for each in motions):
-        takes[clip.class_name].add(take)
-    single = sorted(name for name, own in takes.items() if len(own) == 1)
-    named = ", ".join(single) or "here none"
-    return f"each class needs a take more than examples; a class of one take keeps that take from asking ({named})"
 
 
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:

@@ -201,11 +201,6 @@ def class_at(place: Path) -> str:
     return name
 
 
-def add_labels(parser: argparse.ArgumentParser, of: str) -> None:
-    """Add the option for files of labels; `of` says which takes they belong to."""
-    parser.add_argument("--labels", **several(Path, "CSV"), help=f"start_s,end_s,label {of}")
-
-
 def made_of(kind: type[_Made], parsed: argparse.Namespace, **further: object) -> _Made:
     """Make a dataclass of the arguments that are called as its fields, and of further ones."""
     given = {each.name: getattr(parsed, each.name) for each in fields(kind) if hasattr(parsed, each.name)}  # type: ignore[arg-type]  # a dataclass

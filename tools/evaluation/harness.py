@@ -21,7 +21,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
-from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
+from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, renamed
 from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.windows.segments import mirrored
@@ -84,8 +84,6 @@ class Sources:
     places
         Labelled takes, or folders of them: each take's labels lie next to it, ending in `.csv`, `.tsv` or `.txt`, or as
         UTKinect has them.
-    labels
-        The takes' labels in the takes' order, when they lie elsewhere.
     clips
         Whether each recording without labels is one motion from beginning to end. Its class is in its name (for files
         named like HDM05's, without this option too) or is its folder's name.
@@ -100,7 +98,6 @@ class Sources:
     """
 
     places: Sequence[Path] = ()
-    labels: Sequence[Path] = ()
     clips: bool = False
     unknown: Sequence[Path] = ()
     tables: Sequence[Path] = ()
@@ -158,19 +155,15 @@ def takes_of(motions: Sequence[Clip]) -> list[Take]:
 
 
 def _labelled(sources: Sources) -> Iterator[_Entry]:
-    paths = find_recordings(sources.places) if sources.places else []
-    if sources.labels and len(sources.labels) != len(paths):
-        raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
-    for index, path in enumerate(paths):
-        segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
+    for path in find_recordings(sources.places) if sources.places else ():
         named = hdm05.read_clip_name(path)
-        if segments:
+        if segments := segments_beside(path):
             yield _Entry(path, segments)
-        elif not sources.labels and (sources.clips or (named and named.class_name)):
+        elif sources.clips or (named and named.class_name):
             yield _Entry(path, None)
         else:
-            where = "--labels says where they are, --clips that it is one motion"
-            raise FileNotFoundError(f"{path.with_suffix('.csv')}: no labels for {path.name}; {where}")
+            what = f"no labels for {path.name}; --clips says that it is one motion"
+            raise FileNotFoundError(f"{path.with_suffix('.csv')}: {what}")
 
 
 def _listed(table: Path) -> Iterator[_Entry]:
@@ -343,7 +336,6 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
-    arguments.add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
     arguments.add_reading(parser)
     arguments.add_shared(parser, "--actor-in", "--subjects", "--json")
     parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")

@@ -69,7 +69,7 @@ def test_other_clips_are_of_their_folders_class(tmp_path: Path) -> None:
     takes = read_takes(Sources([tmp_path], clips=True), BY_NAME)
     found = [(take.clip.name, take.labels, take.person) for take in takes]
     assert found == [("ann_01", {"clap"}, "ann"), ("ann_01 (2)", {"row"}, "ann")]
-    with pytest.raises(FileNotFoundError, match=r"ann_01.csv: no labels for ann_01.amc; --labels .* --clips "):
+    with pytest.raises(FileNotFoundError, match=r"ann_01.csv: no labels for ann_01.amc; --clips "):
         read_takes(Sources([tmp_path]), BY_NAME)
 
 

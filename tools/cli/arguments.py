@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions, spelling
 from kinespace.library.recordings import FILMS, ActorIn, Reading
-from kinespace.library.recordings.formats import utkinect
 from kinespace.stream import LiveSignature, Settings
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
 from kinespace.stream.recognizer import settings as usually
@@ -34,12 +33,6 @@ def preset_named(text: str) -> Preset:
     if text.casefold().endswith(_ENDING):
         return load_preset(Path(text))
     return builtin_preset(one_of("--feed", text, builtin_names(), f" or a {_ENDING} file"))
-
-
-#: Joint sets that no preset has: the joints of Kinect 1's own tools.
-_FURTHER = {"kinect20": tuple(name for name in utkinect.SKELETON.joints if name != "Spine")}
-#: The names that conventions of joint names have for the sensors.
-_ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
 
 
 def joints_in_order(text: str) -> tuple[str, ...]:
@@ -79,16 +72,14 @@ def joints_in_order(text: str) -> tuple[str, ...]:
 
 
 def joints_of(name: str) -> tuple[str, ...]:
-    """Give the joints of a set, in HDM05's names.
+    """Give the joints of a preset, in HDM05's names.
 
     Raises
     ------
     ValueError
-        There is no such set.
+        There is no such preset.
     """
-    one_of("--skeleton", name, sorted((*builtin_names(), *_FURTHER, *_ALSO)))
-    name = _ALSO.get(name, name)
-    return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints
+    return builtin_preset(one_of("--skeleton", name, builtin_names())).joints
 
 
 _Made = TypeVar("_Made")

@@ -96,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
         opened.callback(exchange.report, as_json=options.json)
         with suppress(KeyboardInterrupt):
             if not options.json:
-                console.console.print(announced(recordings, options))
+                again = ", again and again" if options.loop else ""
+                console.say(f"sending {console.counted(len(recordings), 'recording')}{again}")
             exchange.play(console.progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
@@ -140,17 +141,6 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
     if name := arguments.class_at(place):
         return [each for each in MotionLibrary.builtin().motions if each.class_name == name]
     return find_recordings([place])
-
-
-def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) -> str:
-    """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
-    clips = [each for each in recordings if isinstance(each, Clip)]
-    what = console.counted(len(recordings), "motion" if clips else "recording")
-    if len(clips) < len(recordings):
-        return f"sending {what}"
-    lasting = [min(each.duration, options.end or each.duration) - options.begin for each in clips]
-    seconds = (sum(lasting) + options.pause * (len(clips) - 1)) / options.speed
-    return f"sending {what}, {seconds:.0f} s{', again and again' if options.loop else ''}"
 
 
 def read_labelled(

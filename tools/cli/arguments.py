@@ -129,14 +129,6 @@ _SHARED: dict[str, dict[str, Any]] = {
 }
 
 
-def report_path(text: str) -> Path:
-    """Read where a table or a picture is to be written: never over a library or a recording."""
-    path = Path(text)
-    if path.suffix.lower() in (".npz", ".kinerec"):
-        raise argparse.ArgumentTypeError(f"expected a table or a picture, like a.csv or a.png, got {text!r}")
-    return path
-
-
 def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
     """Add options that several programs have."""
     for option in options:

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, distance_rows, signature_of, similarity
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
-from kinespace.tools.cli.arguments import report_path
 from kinespace.tools.evaluation.harness import add_sources, distinct, motions_at
 from kinespace.tools.evaluation.scores import Figure, basis_of, interval, intervals_of, ratio, values_of, write_rows
 
@@ -41,9 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
     text = "write a row for each motion and comparison: the two nearest, their products, and whether they are right"
-    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
+    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
-    parser.add_argument("--picture", type=report_path, metavar="FILE", help=text)
+    parser.add_argument("--picture", type=Path, metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import report_path, settings_of
+from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, tell
 from kinespace.tools.evaluation import harness, scores
 from kinespace.tools.evaluation.annotations import is_elan, write_elan
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")
     text = "write a row for each answer: truth, guess, scores; or, for ELAN, events (.eaf)"
-    parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
+    parser.add_argument("--answers", type=Path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"
-    parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
+    parser.add_argument("--segments", type=Path, metavar="CSV", help=text)
 
 
 def run(options: argparse.Namespace) -> None:

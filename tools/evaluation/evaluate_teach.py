@@ -17,7 +17,7 @@ from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.stream.teaching.movement import moved_in
 from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
+from kinespace.tools.cli.console import counted, note, progress, scores_of, tell
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at
 from kinespace.tools.evaluation.scores import percentile, ratio, values_of
 from kinespace.tools.feeding.feed import resampled
@@ -94,15 +94,12 @@ def run(options: argparse.Namespace) -> int:
         note("nothing asked: each class needs a take more than examples, and a class of one take keeps it from asking")
         return 1
     figures = {"examples": options.examples, **scored(replies, options.examples)}
-    if options.json:
-        motions = [clip for each in by_person.values() for _, clip in each]
-        whole = {"persons": len(teachers), "draws": options.draws}
-        print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
-        return 0
+    lessons = begun([clip for each in by_person.values() for _, clip in each]) | stood([take.clip for take in takes])
+    found = {**figures, "persons": len(teachers), "draws": options.draws, **lessons}
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
     caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
-    console.print(scores_of(rows, _COLUMNS, title=title, caption=caption, names=0))
+    tell(options, found, scores_of(rows, _COLUMNS, title=title, caption=caption, names=0))
     return 0
 
 

@@ -95,7 +95,7 @@ def tell(options: argparse.Namespace, found: object, *shown: Table | str) -> Non
         print_json(found)
     else:
         for each in shown:
-            console.print(each)
+            console.print(each, soft_wrap=isinstance(each, str))
 
 
 #: Characters that a line of a heading may always have.

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
 from kinespace.library import Clip, distance_rows, signature_of, similarity
 from kinespace.stream.outputs.sink import extra
@@ -74,11 +75,8 @@ def run(options: argparse.Namespace) -> None:
         write_rows(options.answers, rows)
     if plot:
         _draw(plot.Figure, options.picture, np.unique(labels.classes).tolist(), matrices)
-    if options.json:
-        console.print_json(scores)
-    else:
-        _print(clips, scores)
-        _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))
+    how = ", ".join(drawn).replace("-", " ")
+    console.tell(options, scores, *_shown(clips, scores), *_confusions(labels, matrices, how))
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
@@ -138,7 +136,8 @@ def _rows(clips: Sequence[Clip], names: Sequence[str], found: Retrieval) -> Iter
         yield row | {"right": int(right[0]), "one_of_two_right": int(right[1])}
 
 
-def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
+def _shown(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> tuple[str, Table]:
+    """Draw the shares that are right."""
     persons, classes = {clip.actor for clip in clips} - {""}, {clip.class_name for clip in clips}
     seconds = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} known persons; 95 %: by motions"
     # A narrow terminal breaks lines at spaces.
@@ -149,29 +148,28 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
     ]
     whose = console.counted(len(persons), "person") if persons else "unknown persons"
     motions = f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')}"
-    console.console.print(f"{motions} by {whose}")
     title = "Of how many motions is the nearest neighbour of their class?"
-    console.console.print(console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2))
+    table = console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2)
+    return f"{motions} by {whose}", table
 
 
-def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> None:
-    """Print each class's share of right neighbours, and the confusion matrices as far as a terminal has room."""
+def _confusions(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> Iterator[Table | str]:
+    """Draw each class's share of right neighbours, and the confusion matrices as far as a terminal has room."""
     classes, counts = np.unique(labels.classes, return_counts=True)
     rows = [
         (f"{place} {name}", str(count), *(f"{matrix[place - 1, place - 1]:.0%}" for matrix in matrices.values()))
         for place, (name, count) in enumerate(zip(classes.tolist(), counts.tolist(), strict=True), 1)
     ]
-    console.console.print(console.table_of(f"Right by class ({how})", ("class", "motions", *matrices), rows))
+    yield console.table_of(f"Right by class ({how})", ("class", "motions", *matrices), rows)
     if len(classes) > _MOST:
-        console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
+        yield f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it"
         return
     for space, matrix in matrices.items():
-        heading = f"Confusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
-        console.console.print(f"\n{heading}")
-        console.console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
+        yield f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
+        yield " " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1))
         for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
             cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)
-            console.console.print(f"{console.shortened(name, _NAME - 1):{_NAME}}{cells}", soft_wrap=True)
+            yield f"{console.shortened(name, _NAME - 1):{_NAME}}{cells}"
 
 
 def _draw(new: Any, path: Path, classes: Sequence[str], matrices: Mapping[str, NDArray[np.float64]]) -> None:  # noqa: ANN401 - matplotlib's

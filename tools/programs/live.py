@@ -216,12 +216,9 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     """
     shared, ours = motions.restricted_to(joints), motions.skeleton.joints
     if shared is not motions:
-        further = [name for name in joints if name not in ours]
-        for name in further:
-            if near := meant(name, [*{*ours} - {*joints}]):
-                say(f"{whose}: the library has no joint {name!r}{near}")
-        if further:
-            say(f"{whose}: not compared, because the library lacks them: {', '.join(further)}")
+        if further := [name for name in joints if name not in ours]:
+            named = "; ".join(f"{name}{meant(name, {*ours} - {*joints})}" for name in further)
+            say(f"{whose}: not compared, because the library lacks them: {named}")
         say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(ours)} joints")
     return shared
 

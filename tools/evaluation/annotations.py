@@ -8,8 +8,6 @@ from kinespace.stream import EventKind
 from kinespace.tools.cli.values import printable
 from kinespace.tools.evaluation.scores import Course
 
-#: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
-TIERS = ("started", "done", "performed")
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
 
@@ -22,7 +20,7 @@ def is_elan(path: Path, takes: int) -> bool:
 
 
 def _tiers(course: Course) -> dict[str, list[Segment]]:
-    """Give a take's segments by tier; a motion that goes on ends with the take."""
+    """Give by tier the motions from `start` to `end` or to the take's end, those that were done, and the labels."""
     begun, started, done = dict[str, float](), list[Segment](), list[Segment]()
     for answer in course.answers:
         for event in answer.events:
@@ -34,7 +32,7 @@ def _tiers(course: Course) -> dict[str, list[Segment]]:
             done.append(Segment(max(answer.done.start, 0.0), answer.done.end, answer.done.label))
     last = float(course.times[-1])
     started += [Segment(since, last, label) for label, since in begun.items() if last > since]
-    return dict(zip(TIERS, (started, done, list(course.segments)), strict=True))
+    return {"started": started, "done": done, "performed": list(course.segments)}
 
 
 def write_elan(path: Path, course: Course) -> None:

@@ -246,28 +246,22 @@ def _own_courses(whole: WindowIndex, *, follow: bool) -> list[_Own]:
     """
     found, library, typical = list[_Own](), whole.library, whole.rejection.typical
     groups = [[place for place, each in enumerate(library.motions) if each.actor == actor] for actor in library.actors]
-    single = len(groups) < 2
-    if single:
+    if len(groups) < 2:
         groups = [[place] for group in groups for place in group]
     for group in progress(groups, "Motions", len(groups)):
-        actors = {library.motions[place].actor for place in group}
-        remaining = [place for place in range(len(library.motions)) if place not in group]
-        if single:
-            index = whole.of_some(remaining)
-        else:
-            index = WindowIndex.of(library.without(actors=actors), weighing=ACROSS_LABORATORIES)
-        _asked(index, typical)
         own = [(place, library.motions[place]) for place in group]
+        others = library.without(motions=[each for _, each in own])
+        index = _asked(WindowIndex.of(others, weighing=ACROSS_LABORATORIES), typical)
         for name in {each.class_name for _, each in own} - {NOTHING}:
             apart = [place for place, each in enumerate(index.library.motions) if each.class_name != name]
             left = _asked(index.of_some(apart), typical) if apart else None
             asking = [place for place, each in own if each.class_name == name]
-            others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
+            same = [each for each in library.motions if each.actor == own[0][1].actor and each.class_name != name]
             for place, noise in product(asking, _NOISES):
                 clip = library.motions[place]
                 windows, following = _windows(index, clip, noise, place), Evidenced()
                 left_out = _windows(left, clip, noise, place) if left else []
-                if before := [each for each in others if each.frame_rate == clip.frame_rate]:
+                if before := [each for each in same if follow and each.frame_rate == clip.frame_rate]:
                     behind = joined(before[place % len(before)], clip)
                     following = _windows(index, behind, noise, place, behind.duration - clip.duration)
                 found.append(_Own(name, noise, windows, left_out, following))

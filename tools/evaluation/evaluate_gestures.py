@@ -16,11 +16,11 @@ import numpy as np
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
-from kinespace.tools.cli.arguments import add_settings, settings_of
-from kinespace.tools.cli.console import progress, scores_of, tell
+from kinespace.tools.cli.arguments import add_settings, report_path, settings_of
+from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at, written
-from kinespace.tools.evaluation.scores import basis_of, interval, ratio, rests_on
-from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words
+from kinespace.tools.evaluation.scores import basis_of, interval, ratio, rests_on, write_rows
+from kinespace.tools.evaluation.words import COLUMNS, KINDS, Heard, Span, right_so_far, said_in, score_words, word_rows
 from kinespace.tools.teaching.lessons import open_taught
 
 #: Each class's first segment, and the take that it lies in.
@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "the person's own examples teach (default), the next person's, or those of all other persons"
     parser.add_argument("--taught-by", choices=["own", "next", "all"], default="own", help=text)
     add_settings(parser)
+    add_answers(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -124,11 +125,20 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
     return Heard(take.person, seconds, asked, said_in(answers), _SPANS, dict.fromkeys(KINDS, ends), so_far)
 
 
+def add_answers(parser: argparse.ArgumentParser) -> None:
+    """Add the option for what is written."""
+    text = "write every word said: person, time, kind, class, whether it is right, its segment"
+    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
+
+
 def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, caption: str, **further: object) -> None:
-    """Print the scores of all takes together; `further` is for JSON."""
+    """Print the scores of all takes together, write the words; `further` is for JSON."""
     scores, basis = score_words(heard), basis_of([each.seconds for each in heard], [each.person for each in heard])
     basis["segments"] = sum(each.asked for each in heard)
     so_far = ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
+    if options.answers:
+        require_place_for_report(options.answers, options)
+        write_rows(options.answers, word_rows(heard))
     rows = [{"name": kind, **score, "interval": interval(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"
     found = {**scores, "so_far": so_far, **further, **basis}

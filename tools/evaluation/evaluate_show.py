@@ -23,7 +23,7 @@ from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import counted, note, progress
 from kinespace.tools.evaluation import harness
-from kinespace.tools.evaluation.evaluate_gestures import report
+from kinespace.tools.evaluation.evaluate_gestures import add_answers, report
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
 from kinespace.tools.feeding.feed import resampled
 from kinespace.tools.teaching.lessons import open_taught
@@ -78,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_reading(parser)
     arguments.add_settings(parser)
     arguments.add_shared(parser, "--json")
+    add_answers(parser)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -296,3 +296,19 @@ def score_words(takes: Sequence[Heard]) -> dict[str, dict[str, Any]]:
         }
         scores[kind] = {**values_of(figures), "intervals": intervals_of(figures, by_person=True)}
     return scores
+
+
+def word_rows(takes: Iterable[Heard]) -> Iterator[dict[str, Any]]:
+    """Give a row for each word: person, time, kind, class, verdict (empty: counts neither way), and its segment."""
+    for take in takes:
+        for kind, verdicts in take.verdicts.items():
+            for said, segment, right in verdicts:
+                yield {
+                    "person": take.person,
+                    "time": said.at,
+                    "kind": kind,
+                    "class": said.class_name,
+                    "verdict": "" if right is None else "right" if right else "false",
+                    "segment": segment.label if segment else "",
+                    "segment_start": segment.start if segment else "",
+                }

@@ -143,7 +143,7 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path]) -> None:
     assert sorted(path for folder in folders.values() for path in folder.rglob("*")) == before
 
 
-@pytest.mark.parametrize("options", [["retrieval", "--picture"], ["stream", "--answers"]])
+@pytest.mark.parametrize("options", [["retrieval", "--picture"], ["stream", "--answers"], ["show", "--answers"]])
 def test_no_table_is_written_over_a_library(options: list[str]) -> None:
     """An output named like a library is a mistake."""
     said = ran("evaluate", *options, "mine.npz")[2]

@@ -22,7 +22,7 @@ from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.evaluate_teach import Reply, scored
 from kinespace.tools.evaluation.harness import Asked, Feed, Protocol, Take, asked_by
 from kinespace.tools.evaluation.scores import Course, course_of, percentile, ratio, roc_area, score_courses, values_of
-from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words
+from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
 CLASSES = ("bow", "jump", "wave")
 NONE, BOW, JUMP, WAVE = range(-1, 3)
@@ -215,8 +215,9 @@ def test_commands_counted_by_hand() -> None:
     assert score["false_per_hour"] == 120.0
     assert score["delay_s"] == pytest.approx(-2.5)
     assert score["intervals"]["f1"] == (0.5, 0.5)
-    labels = [each.segment.label if each.segment else "" for each in take.verdicts["done"]]
-    assert labels == ["jab", "jab", "kick", "kick", ""]
+    rows = [(each["kind"], each["verdict"], each["segment"]) for each in word_rows([take])]
+    verdicts = [("right", "jab"), ("false", "jab"), ("false", "kick"), ("right", "kick"), ("", "")]
+    assert rows[:5] == [("done", *each) for each in verdicts]
 
 
 def test_a_label_may_be_off_by_its_rounding() -> None:

@@ -1,5 +1,7 @@
-"""Events of an evaluation as annotations that ELAN opens beside the film (`.eaf`)."""
+"""Events of an evaluation as annotations that ELAN (`.eaf`) and BORIS (`.boris`) open beside the film."""
 
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -8,19 +10,27 @@ from kinespace.stream import EventKind
 from kinespace.tools.cli.values import printable
 from kinespace.tools.evaluation.scores import Course
 
+#: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
+TIERS = ("started", "done", "performed")
+_BORIS_VERSION, _DATE = "7.0", "1970-01-01T00:00:00"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
 
 
-def is_elan(path: Path, takes: int) -> bool:
-    """Say whether a file's ending is ELAN's; ValueError for several takes in one file."""
+def is_annotation(path: Path, takes: int) -> bool:
+    """Say whether a file's ending is ELAN's or BORIS's; ValueError for several takes in a file of ELAN."""
     if path.suffix.lower() == ".eaf" and takes != 1:
-        raise ValueError(f"--answers: expected one take in a file of ELAN, got {takes}")
-    return path.suffix.lower() == ".eaf"
+        raise ValueError(f"--answers: expected one take in a file of ELAN, got {takes}; BORIS's takes several (.boris)")
+    return path.suffix.lower() in _WRITERS
+
+
+def write_annotations(path: Path, courses: Sequence[Course]) -> None:
+    """Write what was said of takes, and what was performed, into a file that `is_annotation`."""
+    path.write_text(_WRITERS[path.suffix.lower()](courses), encoding="utf-8")
 
 
 def _tiers(course: Course) -> dict[str, list[Segment]]:
-    """Give by tier the motions from `start` to `end` or to the take's end, those that were done, and the labels."""
+    """Give a take's segments by tier; a motion that goes on ends with the take."""
     begun, started, done = dict[str, float](), list[Segment](), list[Segment]()
     for answer in course.answers:
         for event in answer.events:
@@ -32,13 +42,13 @@ def _tiers(course: Course) -> dict[str, list[Segment]]:
             done.append(Segment(max(answer.done.start, 0.0), answer.done.end, answer.done.label))
     last = float(course.times[-1])
     started += [Segment(since, last, label) for label, since in begun.items() if last > since]
-    return {"started": started, "done": done, "performed": list(course.segments)}
+    return dict(zip(TIERS, (started, done, list(course.segments)), strict=True))
 
 
-def write_elan(path: Path, course: Course) -> None:
-    """Write what was said of a take, and what was performed, as ELAN's annotations."""
+def _elan(courses: Sequence[Course]) -> str:
+    (course,) = courses
     root = ET.Element("ANNOTATION_DOCUMENT", AUTHOR="kinespace", FORMAT="3.0", VERSION="3.0")
-    root.set("DATE", "1970-01-01T00:00:00+00:00")
+    root.set("DATE", f"{_DATE}+00:00")
     root.set("xmlns:xsi", _XSI)
     root.set("xsi:noNamespaceSchemaLocation", _SCHEMA)
     ET.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
@@ -57,4 +67,42 @@ def write_elan(path: Path, course: Course) -> None:
     kind = {"LINGUISTIC_TYPE_ID": "motion", "TIME_ALIGNABLE": "true", "GRAPHIC_REFERENCES": "false"}
     ET.SubElement(root, "LINGUISTIC_TYPE", kind)
     ET.indent(root)
-    path.write_text(ET.tostring(root, encoding="unicode", xml_declaration=True), encoding="utf-8")
+    return ET.tostring(root, encoding="unicode", xml_declaration=True)
+
+
+def _boris(courses: Sequence[Course]) -> str:
+    tiers = [_tiers(course) for course in courses]
+    codes = sorted({f"{tier} {each.label}" for own in tiers for tier, some in own.items() for each in some})
+    people = sorted({course.person for course in courses} - {""})
+    named = {"time_format": "s", "project_date": _DATE, "project_name": "kinespace", "project_description": ""}
+    observed = {"file": {}, "type": "LIVE", "date": _DATE, "description": "", "time offset": 0.0}
+    observations = dict[str, object]()
+    for course, own in zip(courses, tiers, strict=True):
+        events = sorted(_boris_events(course, own), key=lambda event: event[0])
+        observations[course.name] = {**observed, "events": events, "independent_variables": {}}
+    blank = ("key", "description", "category", "modifiers", "excluded", "coding map")
+    behaviour = {"type": "State event", "code": "", **dict.fromkeys(blank, "")}
+    project = {
+        **named,
+        "project_format_version": _BORIS_VERSION,
+        "subjects_conf": {str(n): {"key": "", "name": name, "description": ""} for n, name in enumerate(people)},
+        "behaviors_conf": {str(place): {**behaviour, "code": code} for place, code in enumerate(codes)},
+        "observations": observations,
+        "behavioral_categories": [],
+        "independent_variables": {},
+        "coding_map": {},
+        "behaviors_coding_map": [],
+        "converters": {},
+    }
+    return json.dumps(project, indent=1, ensure_ascii=False)
+
+
+def _boris_events(course: Course, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:
+    """Give the events of a take: a state event begins with one row and ends with the next of its behaviour."""
+    for tier, segments in tiers.items():
+        for segment in segments:
+            for seconds in (segment.start, segment.end):
+                yield round(seconds, 3), course.person, f"{tier} {segment.label}", "", ""
+
+
+_WRITERS = {".eaf": _elan, ".boris": _boris}

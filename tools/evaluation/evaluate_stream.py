@@ -19,7 +19,7 @@ from kinespace.stream import Recognizer, Settings
 from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, tell
 from kinespace.tools.evaluation import harness, scores
-from kinespace.tools.evaluation.annotations import is_elan, write_elan
+from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.harness import Take
 
 _Values = dict[str, float | None]
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "draw segments (default) or persons for the intervals: how the figures vary with other segments, or people"
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")
-    text = "write a row for each answer: truth, guess, scores; or, for ELAN, events (.eaf)"
+    text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
     parser.add_argument("--answers", type=Path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"
     parser.add_argument("--segments", type=Path, metavar="CSV", help=text)
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> None:
     for file in filter(None, (options.answers, options.segments)):
         require_place_for_report(file, options)
     asked, classes = harness.asked_of(options)
-    annotates = options.answers and is_elan(options.answers, len(asked))
+    annotates = options.answers and is_annotation(options.answers, len(asked))
     by_person = options.resample == "persons"
     if by_person and not all(each.take.person for each in asked):
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> None:
     courses = [course(each.take, _compared(each.library, without), classes, settings) for each in played]
     persons = _by_person(asked, courses, classes)
     if annotates:
-        write_elan(options.answers, courses[0])
+        write_annotations(options.answers, courses)
     elif options.answers:
         scores.write_rows(options.answers, scores.answer_rows(courses, classes))
     if options.segments:

@@ -34,7 +34,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import kinerec
 from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
-from kinespace.tools.evaluation.annotations import write_elan
+from kinespace.tools.evaluation.annotations import write_annotations
 from kinespace.tools.evaluation.harness import Take
 from kinespace.tools.evaluation.scores import course_of
 
@@ -70,17 +70,17 @@ def _text(name: str, text: str) -> Callable[[Path], Path]:
     return write
 
 
-def _annotated(folder: Path) -> Path:
+def _annotated(name: str) -> Callable[[Path], Path]:
     """Write what was said of a take."""
-    take = Take(stick_clips(takes=1, frames=20)[0], (Segment(0, 0.03, "a"), Segment(0.03, 0.06, "b")))
-    answer = Recognition("p", 0.03, Outcome.NAMED, ("a",), np.ones(1), 0.1)
-    write_elan(folder / "labels.eaf", course_of(take, take.clip.times, [answer], classes=("a",), known=("a",)))
-    return folder / "labels.eaf"
 
+    def write(folder: Path) -> Path:
+        take = Take(stick_clips(takes=1, frames=20)[0], (Segment(0, 0.03, "a"), Segment(0.03, 0.06, "b")))
+        answer = Recognition("p", 0.03, Outcome.NAMED, ("a",), np.ones(1), 0.1)
+        said = course_of(take, take.clip.times, [answer], classes=("a",), known=("a",))
+        write_annotations(folder / name, [said])
+        return folder / name
 
-#: A project of one observation.
-_BORIS = """{"behaviors_conf": {"0": {"code": "a", "type": "State event"}, "1": {"code": "b", "type": "Point event"}},
-"observations": {"take": {"events": [[0.0, "ann", "a", "", ""], [0.01, "ann", "b"], [0.03, "ann", "a", "", ""]]}}}"""
+    return write
 
 
 def _converted(folder: Path) -> Path:
@@ -166,8 +166,8 @@ KINDS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], list[str] | int]
     ),
     "labels": (_text("labels.csv", "start_s,end_s,label,performer\n0,0.03,a,\n0.03,0.06,b,\n"), _built),
     "exported labels": (_text("labels.txt", "0.00\t0.03\ta\n0.03\t0.06\tb\n"), _built),
-    "annotations of ELAN": (_annotated, _built),
-    "events of BORIS": (_text("labels.boris", _BORIS), _built),
+    "annotations of ELAN": (_annotated("labels.eaf"), _built),
+    "events of BORIS": (_annotated("labels.boris"), _built),
     "names": (
         _text("names.toml", 'title = "Mine"\nsides = ["L", "R"]\n[joints]\nhips = "root"\n"*Knee" = "*tibia"\n'),
         lambda path: ["info", "take.bvh", "--names", str(path), "--json"],

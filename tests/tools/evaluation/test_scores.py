@@ -1,5 +1,6 @@
 """How what was said is scored: counted by hand, and of random courses against a naive count."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -17,7 +18,7 @@ from synthetic import STICK_CLASSES, stick_clip
 from kinespace.library import NOTHING, MotionLibrary, Skeleton
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
-from kinespace.tools.evaluation.annotations import is_elan, write_elan
+from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.evaluate_teach import Reply, scored
 from kinespace.tools.evaluation.harness import Asked, Feed, Protocol, Take, asked_by
@@ -330,9 +331,8 @@ def _annotated() -> Course:
 def test_elan_reads_what_was_said(tmp_path: Path) -> None:
     """Starts, done motions and labels stand in three tiers of their person, in milliseconds."""
     path, course = tmp_path / "events.eaf", _annotated()
-    assert is_elan(path, 1)
-    assert not is_elan(Path("rows.csv"), 2)
-    write_elan(path, course)
+    assert is_annotation(path, 1)
+    write_annotations(path, [course])
     root = ET.parse(path).getroot()  # noqa: S314 - we wrote it
     slots = {each.attrib["TIME_SLOT_ID"]: int(each.attrib["TIME_VALUE"]) for each in root.iter("TIME_SLOT")}
     tiers = {
@@ -351,10 +351,25 @@ def test_elan_reads_what_was_said(tmp_path: Path) -> None:
     assert {tier.attrib["PARTICIPANT"] for tier in root.iter("TIER")} == {"ann"}
     # A motion that begins and ends at once is none, and no name makes another file than XML.
     at_once = replace(course.answers[0], events=[Event("p", kind, "bow", 0, 0.9, 0.05) for kind in EventKind])
-    write_elan(path, replace(course, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),)))
+    write_annotations(path, [replace(course, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),))])
     assert [each.text for each in ET.parse(path).iter("ANNOTATION_VALUE")] == ["b\ufffdow"]  # noqa: S314 - as above
     with pytest.raises(ValueError, match="expected one take in a file of ELAN, got 2"):
-        is_elan(path, 2)
+        is_annotation(path, 2)
+
+
+def test_boris_reads_what_was_said(tmp_path: Path) -> None:
+    """Of several takes each is an observation; each state event begins with a row and ends with the next."""
+    path, course = tmp_path / "events.boris", _annotated()
+    assert is_annotation(path, 2)
+    assert not is_annotation(Path("rows.csv"), 2)
+    write_annotations(path, [course, replace(course, name="again")])
+    project = json.loads(path.read_text(encoding="utf-8"))
+    codes = {each["code"]: each["type"] for each in project["behaviors_conf"].values()}
+    assert codes == dict.fromkeys(("done bow", "performed bow", "started bow"), "State event")
+    assert set(project["observations"]) == {course.name, "again"}
+    events = project["observations"]["again"]["events"]
+    assert [time for time, *_ in events] == sorted(time for time, *_ in events)
+    assert [time for time, person, code, *_ in events if (person, code) == ("ann", "done bow")] == [0.02, 0.15]
 
 
 FIRST, SECOND = 2012, 2013

@@ -639,7 +639,8 @@ def _everyday() -> Floats:
 def everyday(skeleton: Skeleton) -> Numbers | None:
     """Give typical windows of everyday movement over a skeleton's joints; None without shoulders or hips.
 
-    They are means of many people's windows, over HDM05's joints. A joint that HDM05 does not have stays where it is.
+    They are means of many people's windows (`kinespace learn`), over HDM05's joints. A joint that HDM05 does not have
+    stays where it is.
     """
     if corners_of(skeleton) is None:
         return None

@@ -16,12 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
+from kinespace.library.naming import hdm05
+from kinespace.library.signature.own_frame import AXES
 from kinespace.library.windows.comparison import ACROSS_LABORATORIES
+from kinespace.library.windows.courses import Pieces, path_of, turned, windows_of
 from kinespace.library.windows.rejection import RATES, USUAL_OVER, Evidence, Rejection, typical_evidence
 from kinespace.library.windows.taught import keeping_lessons
 from kinespace.stream import Settings
@@ -55,6 +59,10 @@ _LEFT_OUT_COUNT = 0.5
 _STRANGERS_COUNT = 2.0
 #: Subjects are left out of the fitting in this many groups.
 _FOLDS = 4
+#: Steps of the windows that show everyday movement, the axes and the groups by which they are sorted, the windows that
+#: found the groups, and the windows of a group, at least.
+_EVERYDAY_COUNTS = (10, 13, 16, 20, 25, 31, 39, 49, 61, 76, 95, 119)
+_EVERYDAY_AXES, _EVERYDAY_GROUPS, _EVERYDAY_WINDOWS, _EVERYDAY_LEAST = 64, 256, 20_000, 8
 #: The cost of weights of either sign: they must pay on many windows.
 _SHRINKING = 0.005
 
@@ -126,6 +134,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
     parser.add_argument("library", type=Path, metavar="LIBRARY", help="a library file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
+    text = "also write typical windows of the takes in which nothing known happens, over HDM05's joints"
+    parser.add_argument("--everyday", type=Path, metavar="FILE.npz", help=text)
     arguments.add_reading(parser)
     arguments.add_shared(parser, "--takes", "--subjects", "--overwrite", "--json")
 
@@ -138,6 +148,8 @@ def run(options: argparse.Namespace) -> None:
     takes = read_takes(sources, arguments.reading_of(options))
     if all(take.labels for take in takes):
         raise ValueError("takes: expected some in which nothing known happens, got none")
+    if options.everyday:
+        np.savez_compressed(options.everyday, windows=everyday_of([take.clip for take in takes if not take.labels]))
     _require_others(library)
     whole = [take for take in takes if set(library.skeleton.joints) <= set(take.clip.skeleton.joints)]
     seen = _seen_by(library, whole, follow=True)
@@ -166,6 +178,54 @@ def _require_others(library: MotionLibrary) -> None:
     if len(library.actors) < 2 and alone:
         few = f"got one of {', '.join(alone)}; single examples need no learning"
         raise ValueError(f"library: expected two motions or more of each class of a single person, {few}")
+
+
+def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
+    """Find typical windows of everyday movement, by which courses are judged (`library.windows.courses.everyday`).
+
+    Windows of several lengths are sorted into groups by their courses (k-means in the axes in which they vary most). A
+    group of windows of several persons gives the mean of its windows; no window of anybody is kept.
+
+    Parameters
+    ----------
+    clips
+        Takes with all of HDM05's joints; others are left out.
+
+    Returns
+    -------
+    Shape (groups, POINTS, 3 joints + `AXES`), metres.
+
+    Raises
+    ------
+    ValueError
+        No take has all joints, or no group has windows of two persons.
+    """
+    whole = [each.over(hdm05.SKELETON) for each in clips if set(hdm05.SKELETON.joints) <= set(each.skeleton.joints)]
+    read = [windows_of(path_of(clip), _EVERYDAY_COUNTS) for clip in whole]
+    persons = np.repeat([clip.actor for clip in whole], [len(each) for each in read])
+    if len(set(persons.tolist())) < 2:
+        raise ValueError("--everyday: expected takes of several persons with HDM05's joints, got none")
+    windows = np.concatenate(read)
+    pieces, draw = Pieces.of(windows), np.random.default_rng(0)
+    some = draw.permutation(len(windows))[:_EVERYDAY_WINDOWS]
+    mean = pieces.courses.mean(axis=0)
+    axes = np.linalg.svd(pieces.courses[some[: len(mean) * 4]] - mean, full_matrices=False)[2][:_EVERYDAY_AXES].T
+    points = (pieces.courses - mean) @ axes
+    centres, _ = kmeans2(points[some], _EVERYDAY_GROUPS, iter=20, minit="points", rng=draw, missing="warn")
+    group = (np.square(centres).sum(axis=1) - 2 * points @ centres.T).argmin(axis=1)
+    seen = turned(windows).reshape(*windows.shape[:2], AXES)
+    windows = windows[..., :-AXES]
+    # Windows count alike, however far they go.
+    alike = (windows - windows.mean(axis=1, keepdims=True)) / np.maximum(pieces.lengths, 1e-6)[:, None, None]
+    groups = [group == each for each in range(_EVERYDAY_GROUPS)]
+    means = [
+        np.hstack([alike[own].mean(axis=0) * np.median(pieces.lengths[own]), seen[own].mean(axis=0)])
+        for own in groups
+        if np.count_nonzero(own) >= _EVERYDAY_LEAST and len(set(persons[own].tolist())) > 1
+    ]
+    if not means:
+        raise ValueError("--everyday: expected a group of windows of two persons, got none")
+    return np.array(means, dtype=np.float16)
 
 
 def _seen_by(library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool) -> _Seen:

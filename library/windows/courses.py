@@ -629,11 +629,8 @@ def _of_persons(crossed: Numbers, of_class: NDArray[np.intp], typical: Numbers, 
 
 
 @cache
-def _everyday() -> Floats | None:
-    path = FilePath(__file__).with_name("everyday.npz")
-    if not path.exists():
-        return None
-    with np.load(path, allow_pickle=False) as file:
+def _everyday() -> Floats:
+    with np.load(FilePath(__file__).with_name("everyday.npz"), allow_pickle=False) as file:
         windows: Floats = file["windows"].astype(np.float32)
     return windows
 
@@ -645,11 +642,10 @@ def everyday(skeleton: Skeleton) -> Numbers | None:
     They are means of many people's windows (`kinespace learn`), over HDM05's joints. A joint that HDM05 does not have
     stays where it is.
     """
-    learned = _everyday()
-    if learned is None or corners_of(skeleton) is None:
+    if corners_of(skeleton) is None:
         return None
     places = {name: place for place, name in enumerate(hdm05.SKELETON.joints)}
-    learned, axes = np.split(learned, [-AXES], axis=2)
+    learned, axes = np.split(_everyday(), [-AXES], axis=2)
     windows = np.zeros((*learned.shape[:2], len(skeleton.joints), 3))
     for place, name in enumerate(skeleton.joints):
         if name in places:

@@ -28,6 +28,8 @@ LEAD_ONE = 3.6
 FALSE_ALARMS = 6.0
 #: Seconds between answers, at most.
 MAX_HOP = 60.0
+#: The longest window, and the longest gap: every machine has memory for it.
+MAX_WINDOW = 60.0
 #: Seconds between two answers, at least, unless every frame is answered (0).
 MIN_HOP = 1e-3
 
@@ -82,9 +84,9 @@ class Settings:
     Raises
     ------
     ValueError
-        A value is of another type or not finite, window or longest_gap is not positive, another value is negative,
-        sensitivity is above 1, hop neither 0 nor from 0.001 to 60, or a value is given that does not apply to the
-        signature.
+        A value is of another type or not finite, window or longest_gap is not above 0 and at most 60, another value is
+        negative, sensitivity is above 1, hop neither 0 nor from 0.001 to 60, or a value is given that does not apply to
+        the signature.
     """
 
     signature: LiveSignature | Literal["windows", "paper"] = LiveSignature.WINDOWS
@@ -108,8 +110,8 @@ class Settings:
                 raise ValueError(f"{name}: expected the signature {needed} with it, got {self.signature}")
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: expected a positive number of seconds, got {value}")
+            if value is not None and not 0 < value <= MAX_WINDOW:
+                raise ValueError(f"{name}: expected above 0 to {MAX_WINDOW:g} seconds, got {value}")
         for name in ("sensitivity", "lead", "hop", "stillness", "false_alarms"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):

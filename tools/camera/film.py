@@ -69,7 +69,6 @@ class Film:
         self._drops = self.is_live or paced
         self._paced = paced and not self.is_live
         self.taken = self.lost = 0
-        _require(source)
         self._pictures: queue.Queue[Picture | None] = queue.Queue(maxsize=1)
         self._ended = threading.Event()
         self._capture: Capture | None = None
@@ -88,7 +87,7 @@ class Film:
             if time.monotonic() > until:
                 raise TimeoutError(f"{_named(self._source)}: not open within {_MAX_OPENING:g} s")
         if self._capture is None and not self._wants_end():
-            raise OSError(_why_closed(self._source))
+            raise _why_closed(self._source)
 
     def __iter__(self) -> Iterator[Picture]:
         """Give the pictures, until the end is reached or wanted.
@@ -171,27 +170,26 @@ def _named(source: str) -> str:
     return f"camera {source}" if source.isdecimal() else source
 
 
-def _require(source: str) -> None:
-    """Refuse what can be known to be missing."""
-    device = Path(f"/dev/video{source}")
+def _why_closed(source: str) -> OSError:
+    """Say why a source cannot be opened."""
+    path = Path(source)
     if source.isdecimal():
-        if sys.platform == "linux" and not device.exists():
-            there = ", ".join(sorted(each.name.removeprefix("video") for each in Path("/dev").glob("video[0-9]*")))
-            raise FileNotFoundError(f"camera {source}: not there; cameras: {there or 'none'}")
-        if sys.platform == "linux" and not os.access(device, os.R_OK | os.W_OK):
-            raise PermissionError(f"camera {source}: this user may not use it; add the user to the group of {device}")
-    elif "://" not in source:
-        path = Path(source)
-        if path.is_dir() or not path.exists():
-            got = "a folder" if path.is_dir() else "no such file or folder"
-            raise FileNotFoundError(f"{source}: expected a film, got {got}")
-        if not os.access(path, os.R_OK):
-            raise PermissionError(f"{source}: this user may not read it")
-
-
-def _why_closed(source: str) -> str:
-    if source.isdecimal():
-        return f"camera {source}: gives no picture; another program may have taken it, or this one may not use it"
+        return _why_no_camera(source, Path(f"/dev/video{source}"))
     if "://" in source:
-        return f"{source}: cannot be opened"
-    return f"{source}: not a film that can be read"
+        return OSError(f"{source}: cannot be opened")
+    if path.is_dir() or not path.exists():
+        got = "a folder" if path.is_dir() else "no such file or folder"
+        return FileNotFoundError(f"{source}: expected a film, got {got}")
+    if not os.access(path, os.R_OK):
+        return PermissionError(f"{source}: this user may not read it")
+    return OSError(f"{source}: not a film that can be read")
+
+
+def _why_no_camera(source: str, device: Path) -> OSError:
+    if sys.platform == "linux" and not device.exists():
+        there = ", ".join(sorted(each.name.removeprefix("video") for each in Path("/dev").glob("video[0-9]*")))
+        return FileNotFoundError(f"camera {source}: not there; cameras: {there or 'none'}")
+    if sys.platform == "linux" and not os.access(device, os.R_OK | os.W_OK):
+        return PermissionError(f"camera {source}: this user may not use it; add the user to the group of {device}")
+    why = "another program may have taken it, or this one may not use it"
+    return OSError(f"camera {source}: gives no picture; {why}")

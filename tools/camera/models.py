@@ -48,18 +48,16 @@ def cache() -> Path:
 
 
 def models_at(place: Path | None, size: str) -> Models:
-    """Read the models in a folder or a .task file, or those in the cache, whose contents are checked.
+    """Read the models in a folder, named as MediaPipe's packages name them, or those in the cache, which are checked.
 
     Raises
     ------
     FileNotFoundError
         They are not there; the message says how to get them.
     ValueError
-        A file is damaged, too large, or no archive.
+        A file is damaged, or too large.
     """
     folder = cache() if place is None else place
-    if folder.is_file():
-        return _of_task(folder)
     names = {each.name: each for each in folder.iterdir()} if folder.is_dir() else {}
     detector = next((names[name] for name in _DETECTORS if name in names), None)
     landmarks = next((names[name] for name in (_LANDMARKS.format(size), _TASK[1]) if name in names), None)
@@ -70,16 +68,6 @@ def models_at(place: Path | None, size: str) -> Models:
         if place is None and _KNOWN.get(hashlib.sha256(content).hexdigest()) != path.name:
             raise ValueError(f"{path}: damaged; `kinespace camera --get-models` fetches it again")
     return read
-
-
-def _of_task(path: Path) -> Models:
-    try:
-        with memory.archive(path) as archive:
-            for name in _TASK:
-                memory.require(archive.getinfo(name).file_size, name)
-            return Models(*map(archive.read, _TASK))
-    except (*memory.DAMAGE, ValueError, OSError) as error:
-        raise ValueError(f"{path}: expected MediaPipe's pose_landmarker in a .task file ({error})") from error
 
 
 def fetched(say: Callable[[str], object]) -> Path:

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 from kinespace.library import Clip, MotionLibrary
 from kinespace.library.naming import AS_THEY_ARE, AUTO, ConventionError, Naming, conventions, spelling
 from kinespace.library.recordings import FILMS, ActorIn, Reading
-from kinespace.library.recordings.formats import utkinect
 from kinespace.stream import LiveSignature, Settings
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset, load_preset
 from kinespace.stream.recognizer import settings as usually
@@ -34,12 +33,6 @@ def preset_named(text: str) -> Preset:
     if text.casefold().endswith(_ENDING):
         return load_preset(Path(text))
     return builtin_preset(one_of("--feed", text, builtin_names(), f" or a {_ENDING} file"))
-
-
-#: Joint sets that no preset has: the joints of Kinect 1's own tools.
-_FURTHER = {"kinect20": tuple(name for name in utkinect.SKELETON.joints if name != "Spine")}
-#: The names that conventions of joint names have for the sensors.
-_ALSO = {"kinect1": "kinect20", "kinect2": "kinectv2"}
 
 
 def joints_in_order(text: str) -> tuple[str, ...]:
@@ -79,16 +72,14 @@ def joints_in_order(text: str) -> tuple[str, ...]:
 
 
 def joints_of(name: str) -> tuple[str, ...]:
-    """Give the joints of a set, in HDM05's names.
+    """Give the joints of a preset, in HDM05's names.
 
     Raises
     ------
     ValueError
-        There is no such set.
+        There is no such preset.
     """
-    one_of("--skeleton", name, sorted((*builtin_names(), *_FURTHER, *_ALSO)))
-    name = _ALSO.get(name, name)
-    return _FURTHER[name] if name in _FURTHER else builtin_preset(name).joints
+    return builtin_preset(one_of("--skeleton", name, builtin_names())).joints
 
 
 _Made = TypeVar("_Made")
@@ -101,6 +92,12 @@ PAGE = "127.0.0.1:8010"
 BUILT_IN = Path("built-in")
 
 
+def several(kind: Callable[[str], object], metavar: str) -> dict[str, Any]:
+    """Give what an option is that takes several words, and may be given again."""
+    return {"nargs": "+", "action": "extend", "type": kind, "default": [], "metavar": metavar}
+
+
+_TAKES = "file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion"
 #: Options that several programs have, by name.
 _SHARED: dict[str, dict[str, Any]] = {
     "--osc-in": {"metavar": "[HOST:]PORT", "help": f"listen for OSC here (default {OSC_IN}, unless --zmq-in is given)"},
@@ -119,6 +116,8 @@ _SHARED: dict[str, dict[str, Any]] = {
         "metavar": "NAME",
         "help": "read a .kinerec as this product's packets, see kinespace feeds; or FILE.toml (default: as recorded)",
     },
+    "--takes": {**several(Path, "CSV"), "dest": "tables", "help": _TAKES},
+    "--subjects": {**several(str, "NAME"), "help": "takes of these persons only"},
     "--library": {"type": Path, "metavar": "FILE", "help": f"a motion library (default: {BUILT_IN})"},
     "--json": {"action": "store_true", "help": "print JSON and nothing else (.github/docs/json.md says what)"},
     "--overwrite": {"action": "store_true", "help": "write over an existing file (default: refuse)"},
@@ -128,19 +127,6 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "place of the actor's name: the file's name up to the first _, or the folder above the class's folder",
     },
 }
-
-
-def report_path(text: str) -> Path:
-    """Read where a table or a picture is to be written: never over a library or a recording."""
-    path = Path(text)
-    if path.suffix.lower() in (".npz", ".kinerec"):
-        raise argparse.ArgumentTypeError(f"expected a table or a picture, like a.csv or a.png, got {text!r}")
-    return path
-
-
-def several(kind: Callable[[str], object], metavar: str) -> dict[str, Any]:
-    """Give what an option is that takes several words, and may be given again."""
-    return {"nargs": "+", "action": "extend", "type": kind, "default": [], "metavar": metavar}
 
 
 def add_shared(parser: argparse.ArgumentParser, *options: str) -> None:
@@ -196,22 +182,6 @@ def class_at(place: Path) -> str:
         listed = "" if near or place.suffix else ", nor a class of the built-in library (`kinespace info` lists them)"
         raise ValueError(f"{place}: no such file or folder{near or listed}")
     return name
-
-
-def add_labels(parser: argparse.ArgumentParser, of: str) -> None:
-    """Add the option for files of labels; `of` says which takes they belong to."""
-    parser.add_argument("--labels", **several(Path, "CSV"), help=f"start_s,end_s,label {of}")
-
-
-def add_takes(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the option for tables of takes."""
-    text = "file,subject,contains,perhaps for each take; a take with both of the last empty shows no known motion"
-    parser.add_argument("--takes", dest="tables", **several(Path, "CSV"), required=required, help=text)
-
-
-def add_subjects(parser: argparse.ArgumentParser) -> None:
-    """Add the option that chooses takes by person."""
-    parser.add_argument("--subjects", **several(str, "NAME"), help="takes of these persons only")
 
 
 def made_of(kind: type[_Made], parsed: argparse.Namespace, **further: object) -> _Made:

@@ -95,7 +95,7 @@ def tell(options: argparse.Namespace, found: object, *shown: Table | str) -> Non
         print_json(found)
     else:
         for each in shown:
-            console.print(each)
+            console.print(each, soft_wrap=isinstance(each, str))
 
 
 #: Characters that a line of a heading may always have.
@@ -253,7 +253,9 @@ class NameNotes:
 
 
 def require_place_for_report(output: Path, options: argparse.Namespace) -> None:
-    """As `require_place_for`; and refuse (FileExistsError) a file that is read by way of another option."""
+    """As `require_place_for`; and refuse a library, a recording, and (FileExistsError) what another option reads."""
+    if output.suffix.lower() in (".npz", ".kinerec"):
+        raise ValueError(f"{output}: expected a table or a picture, like a.csv or a.png")
     require_place_for(output)
     real, given = output.resolve(), [*vars(options).values()]
     for each in chain(given, *(option for option in given if isinstance(option, list))):

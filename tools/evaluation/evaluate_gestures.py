@@ -10,13 +10,14 @@ import argparse
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Settings
-from kinespace.tools.cli.arguments import add_settings, report_path, settings_of
+from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, scores_of, tell
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at, written
 from kinespace.tools.evaluation.scores import basis_of, interval, ratio, rests_on, write_rows
@@ -45,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Teach each person's gestures, play the takes, and print how rightly the gestures were said."""
+    if options.answers:
+        require_place_for_report(options.answers, options)
     takes = takes_at(options, MotionLibrary.builtin())
     joints = shared_joints([take.clip.skeleton for take in takes])
     by_person = defaultdict[str, list["Take"]](list)
@@ -86,7 +89,7 @@ def _opened(lessons: Sequence[Lessons], person: str) -> WindowIndex:
     examples = [example_of(*each) for of_teacher in lessons for each in of_teacher.values()]
     if not examples:
         raise ValueError("TAKE: expected labelled segments that teach, got none")
-    return open_taught(MotionLibrary.of_clips(examples), {person} & {*MotionLibrary.builtin().actors})
+    return open_taught(MotionLibrary.of_clips(examples), {person})
 
 
 def example_of(take: Take, segment: Segment) -> Clip:
@@ -128,7 +131,7 @@ def listened(take: Take, index: WindowIndex, lessons: Lessons, settings: Setting
 def add_answers(parser: argparse.ArgumentParser) -> None:
     """Add the option for what is written."""
     text = "write every word said: person, time, kind, class, whether it is right, its segment"
-    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
+    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
 
 
 def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, caption: str, **further: object) -> None:
@@ -137,7 +140,6 @@ def report(heard: Sequence[Heard], options: argparse.Namespace, title: str, capt
     basis["segments"] = sum(each.asked for each in heard)
     so_far = ratio([each.so_far for each in heard], [each.asked for each in heard]).value()
     if options.answers:
-        require_place_for_report(options.answers, options)
         write_rows(options.answers, word_rows(heard))
     rows = [{"name": kind, **score, "interval": interval(score["intervals"]["f1"])} for kind, score in scores.items()]
     caption = f"{rests_on(basis, 'gesture')}; {written(so_far)} right so far at a gesture's end; {caption}"

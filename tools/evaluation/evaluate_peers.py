@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinespace.library import Clip, MotionLibrary
+from kinespace.library import Clip
 from kinespace.library.signature.own_frame import at_steps, corners_of, own_path
 from kinespace.library.windows.comparison import FIRST_WINDOW
 from kinespace.stream import MotionClassifier
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli.console import counted, progress, scores_of, tell
 from kinespace.tools.evaluation.evaluate_show import turn
-from kinespace.tools.evaluation.harness import add_sources, shared_joints, takes_at
+from kinespace.tools.evaluation.harness import add_sources, motions_at
 
 #: Shares of a motion that are seen.
 _SHARES = 0.25, 0.5, 0.75, 1.0
@@ -66,29 +66,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Let each method learn and be asked, person by person, and print how often it is right."""
-    clips = _motions(options)
+    clips = motions_at(options)
     persons = sorted({clip.actor for clip in clips})
     if len(persons) < 2 or "" in persons:
         named = ", ".join(filter(None, persons)) or "none"
         raise ValueError(f"TAKE: expected motions of two persons or more, got {named}; --actor-in says where they are")
-    if len(classes := {clip.class_name for clip in clips}) < 2:
-        raise ValueError(f"TAKE: expected motions of two classes or more, got {', '.join(classes)}")
     methods = {"kinespace": Method(MotionClassifier, list, learns_whole=True)} | ({} if options.alone else _peers())
     compared = progress([*methods], "Comparing", len(methods))
     rows = [{"method": name, **_scored(methods[name], clips, persons)} for name in compared]
-    whose = f"{counted(len(clips), 'motion')} of {len(classes)} classes"
+    whose = f"{counted(len(clips), 'motion')} of {len({clip.class_name for clip in clips})} classes"
     caption = f"{whose}; each of {len(persons)} persons left out; turned: whole, each body turned and placed at random"
     found = {"motions": len(clips), "persons": len(persons), "shares": _SHARES, "methods": rows}
     tell(options, found, scores_of(rows, _COLUMNS, title="Of how many motions is the class right?", caption=caption))
-
-
-def _motions(options: argparse.Namespace) -> list[Clip]:
-    """Give the motions of the takes, over the joints that all have."""
-    takes = takes_at(options, MotionLibrary.builtin())
-    motions = [motion for take in takes if take.is_known for motion in take.motions()]
-    joints = shared_joints([clip.skeleton for clip in motions])
-    skeleton = motions[0].restricted_to(joints).skeleton
-    return [clip.restricted_to(joints).as_of(skeleton) for clip in motions if clip.frames > 1]
 
 
 def _peers() -> dict[str, Method]:

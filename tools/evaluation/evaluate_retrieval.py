@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
-from kinespace.library import Clip, MotionLibrary, distance_rows, signature_of, similarity
+from kinespace.library import Clip, distance_rows, signature_of, similarity
 from kinespace.stream.outputs.sink import extra
 from kinespace.tools.cli import console
-from kinespace.tools.cli.arguments import add_reading, add_shared, reading_of, report_path
-from kinespace.tools.evaluation.harness import Sources, distinct, read_takes, shared_joints
+from kinespace.tools.evaluation.harness import add_sources, distinct, motions_at
 from kinespace.tools.evaluation.scores import Figure, basis_of, interval, intervals_of, ratio, values_of, write_rows
 
 _COLUMNS = (
@@ -36,18 +36,14 @@ _NAME = 24
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    text = "clips, takes with labels beside them, or folders (default: the built-in motions, which have no rotations)"
-    parser.add_argument("folder", nargs="*", type=Path, metavar="FOLDER", help=text)
-    add_reading(parser)
-    add_shared(parser, "--actor-in")
+    add_sources(parser, "the built-in motions, which have no rotations")
+    parser.set_defaults(clips=True)
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
     parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
     text = "write a row for each motion and comparison: the two nearest, their products, and whether they are right"
-    parser.add_argument("--answers", type=report_path, metavar="CSV", help=text)
+    parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
-    parser.add_argument("--picture", type=report_path, metavar="FILE", help=text)
-    text = "print a JSON list of all rows, with confusion matrices by class, and nothing else"
-    parser.add_argument("--json", action="store_true", help=text)
+    parser.add_argument("--picture", type=Path, metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -55,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     for output in filter(None, (options.answers, options.picture)):
         console.require_place_for_report(output, options)
     plot = extra("matplotlib.figure", "pictures") if options.picture else None
-    clips = _motions(options)
+    clips = motions_at(options)
     labels = Labels(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
     ways = _ways(clips, options.signature)
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
@@ -79,30 +75,8 @@ def run(options: argparse.Namespace) -> None:
         write_rows(options.answers, rows)
     if plot:
         _draw(plot.Figure, options.picture, np.unique(labels.classes).tolist(), matrices)
-    if options.json:
-        console.print_json(scores)
-    else:
-        _print(clips, scores)
-        _print_matrices(labels, matrices, ", ".join(drawn).replace("-", " "))
-
-
-def _motions(options: argparse.Namespace) -> Sequence[Clip]:
-    """Read motions over the joints that all have; takes are cut by the labels beside them."""
-    clips: Sequence[Clip] = MotionLibrary.builtin().motions
-    if options.folder:
-        takes = read_takes(Sources(options.folder, clips=True), reading_of(options))
-        clips = [motion for take in takes for motion in take.motions()]
-    if short := [clip.name for clip in clips if clip.frames < 2]:
-        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
-    classes = sorted({clip.class_name for clip in clips})
-    if len(classes) < 2:
-        got = f"got {len(clips)} of {', '.join(classes) or 'none'}"
-        where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
-        raise ValueError(f"FOLDER: expected motions of two classes or more, {got}: {where}")
-    joints = shared_joints([clip.skeleton for clip in clips])
-    if any(len(clip.skeleton.joints) > len(joints) for clip in clips):
-        clips = [clip.restricted_to(joints) for clip in clips]
-    return [clip.as_of(clips[0].skeleton) for clip in clips]
+    how = ", ".join(drawn).replace("-", " ")
+    console.tell(options, scores, *_shown(clips, scores), *_confusions(labels, matrices, how))
 
 
 def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
@@ -162,7 +136,8 @@ def _rows(clips: Sequence[Clip], names: Sequence[str], found: Retrieval) -> Iter
         yield row | {"right": int(right[0]), "one_of_two_right": int(right[1])}
 
 
-def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
+def _shown(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> tuple[str, Table]:
+    """Draw the shares that are right."""
     persons, classes = {clip.actor for clip in clips} - {""}, {clip.class_name for clip in clips}
     seconds = f"{sum(clip.duration for clip in clips):.0f} s, {len(persons) or 'no'} known persons; 95 %: by motions"
     # A narrow terminal breaks lines at spaces.
@@ -173,29 +148,28 @@ def _print(clips: Sequence[Clip], scores: Sequence[Mapping[str, Any]]) -> None:
     ]
     whose = console.counted(len(persons), "person") if persons else "unknown persons"
     motions = f"{console.counted(len(clips), 'motion')} of {console.counted(len(classes), 'class', 'classes')}"
-    console.console.print(f"{motions} by {whose}")
     title = "Of how many motions is the nearest neighbour of their class?"
-    console.console.print(console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2))
+    table = console.scores_of(written, _COLUMNS, title=title, caption=seconds, names=2)
+    return f"{motions} by {whose}", table
 
 
-def _print_matrices(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> None:
-    """Print each class's share of right neighbours, and the confusion matrices as far as a terminal has room."""
+def _confusions(labels: Labels, matrices: Mapping[str, NDArray[np.float64]], how: str) -> Iterator[Table | str]:
+    """Draw each class's share of right neighbours, and the confusion matrices as far as a terminal has room."""
     classes, counts = np.unique(labels.classes, return_counts=True)
     rows = [
         (f"{place} {name}", str(count), *(f"{matrix[place - 1, place - 1]:.0%}" for matrix in matrices.values()))
         for place, (name, count) in enumerate(zip(classes.tolist(), counts.tolist(), strict=True), 1)
     ]
-    console.console.print(console.table_of(f"Right by class ({how})", ("class", "motions", *matrices), rows))
+    yield console.table_of(f"Right by class ({how})", ("class", "motions", *matrices), rows)
     if len(classes) > _MOST:
-        console.console.print(f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it")
+        yield f"--picture FILE draws the confusion of {len(classes)} classes; --json lists it"
         return
     for space, matrix in matrices.items():
-        heading = f"Confusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
-        console.console.print(f"\n{heading}")
-        console.console.print(" " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1)))
+        yield f"\nConfusion by {space} ({how}): of a row's motions, the % whose nearest is of a column's class"
+        yield " " * _NAME + "".join(f"{place:4}" for place in range(1, len(classes) + 1))
         for name, shares in zip(classes.tolist(), matrix.tolist(), strict=True):
             cells = "".join(f"{100 * each:4.0f}" if each else "   ·" for each in shares)
-            console.console.print(f"{console.shortened(name, _NAME - 1):{_NAME}}{cells}", soft_wrap=True)
+            yield f"{console.shortened(name, _NAME - 1):{_NAME}}{cells}"
 
 
 def _draw(new: Any, path: Path, classes: Sequence[str], matrices: Mapping[str, NDArray[np.float64]]) -> None:  # noqa: ANN401 - matplotlib's
@@ -290,13 +264,7 @@ class Retrieval(NamedTuple):
 
 
 def signatures_of(clips: Sequence[Clip], space: Space, kind: SignatureKind) -> NDArray[np.float64]:
-    """Compute each clip's signature in one space, shape (clips, numbers of a frame).
-
-    Raises
-    ------
-    ValueError
-        A clip has no rotations, and rotations are asked for.
-    """
+    """Compute each clip's signature in one space, shape (clips, numbers of a frame)."""
     centred = kind is SignatureKind.EIGENVECTOR
     return np.array([signature_of(_frame_rows(clip, space), centred=centred) for clip in clips])
 
@@ -306,8 +274,6 @@ def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:
         return distance_rows(clip.positions, clip.skeleton)
     if space is Space.POSITIONS:
         return clip.positions.reshape(clip.frames, -1).astype(np.float64)
-    if not clip.rotations.shape[1]:
-        raise ValueError(f"space: clip {clip.name!r} has no rotations")
     return clip.rotations
 
 

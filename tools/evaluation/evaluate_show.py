@@ -21,7 +21,7 @@ from kinespace.library import NOTHING, Clip, MotionLibrary, WindowIndex, opened
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import Outcome, Recognition, Settings
 from kinespace.tools.cli import arguments
-from kinespace.tools.cli.console import counted, note, progress
+from kinespace.tools.cli.console import counted, note, progress, require_place_for_report
 from kinespace.tools.evaluation import harness
 from kinespace.tools.evaluation.evaluate_gestures import add_answers, report
 from kinespace.tools.evaluation.words import Heard, Span, right_so_far, said_in
@@ -83,6 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Draw shows, play them, and print how rightly the gestures were said."""
+    if options.answers:
+        require_place_for_report(options.answers, options)
     settings, everyday, library = arguments.settings_of(options), _everyday(options), MotionLibrary.builtin()
     library = library.restricted_to(harness.shared_joints([library.skeleton, *(each.skeleton for each in everyday)]))
     everyday = [each.over(library.skeleton) for each in everyday]
@@ -238,17 +240,14 @@ def on_bones(positions: Positions, parents: Sequence[int], lengths: NDArray[np.f
     positions
         Shape (frames, joints, 3), metres.
     parents, lengths
-        As in `lengths_of`.
+        As in `lengths_of`; the built-in library's parents come before their children.
     """
     laid: NDArray[np.float64] = positions * (lengths.sum() / lengths_of(positions, parents).sum())
-    left = [joint for joint, parent in enumerate(parents) if parent >= 0]
-    while left:
-        # A parent is laid before its children, in whatever order the joints come.
-        joint = next(each for each in left if parents[each] not in left)
-        left.remove(joint)
-        bone = positions[:, joint] - positions[:, parents[joint]]
-        away = np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9)
-        laid[:, joint] = laid[:, parents[joint]] + lengths[joint] * bone / away
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            bone = positions[:, joint] - positions[:, parent]
+            away = np.maximum(np.linalg.norm(bone, axis=1, keepdims=True), 1e-9)
+            laid[:, joint] = laid[:, parent] + lengths[joint] * bone / away
     return laid
 
 

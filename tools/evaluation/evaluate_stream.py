@@ -8,6 +8,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kinespace.library import MotionLibrary, WindowIndex
 from kinespace.library.signature.parts import Kind
 from kinespace.library.windows.taught import usual_weighing
 from kinespace.stream import Recognizer, Settings
-from kinespace.tools.cli.arguments import report_path, settings_of
+from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.console import progress, require_place_for_report, tell
 from kinespace.tools.evaluation import harness, scores
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resample", choices=_RESAMPLED, default=_RESAMPLED[0], help=text)
     parser.add_argument("--without-part", choices=[*map(str, Kind)], help="leave this part of the signature out")
     text = "write a row for each answer: truth, guess, scores; or, for ELAN and BORIS, events (.eaf, .boris)"
-    parser.add_argument("--answers", type=report_path, metavar="FILE", help=text)
+    parser.add_argument("--answers", type=Path, metavar="FILE", help=text)
     text = "write a row for each segment: right, named, delays"
-    parser.add_argument("--segments", type=report_path, metavar="CSV", help=text)
+    parser.add_argument("--segments", type=Path, metavar="CSV", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -58,7 +59,9 @@ def run(options: argparse.Namespace) -> None:
         scores.write_rows(options.answers, scores.answer_rows(courses, classes))
     if options.segments:
         scores.write_rows(options.segments, scores.segment_rows(courses, classes, harness.INSIDE))
-    found = scores.score_courses(courses, classes, harness.INSIDE).as_json(by_person=by_person)
+    figures, described = scores.score_courses(courses, classes, harness.INSIDE)
+    intervals = scores.intervals_of(figures, by_person=by_person)
+    found = {**scores.values_of(figures), **described, "intervals": intervals}
     tables = [*scores.tables_of(found, "95 %, by person" if by_person else "95 %")]
     if persons:
         found |= {"persons": persons, **_over(persons)}
@@ -101,7 +104,8 @@ def _by_person(
     values = dict[str, _Values]()
     for person in sorted({each.person for each in asked} - {""}):
         own = [course for each, course in zip(asked, courses, strict=True) if each.person == person]
-        values[person] = scores.values_of(scores.score_courses(own, classes, harness.INSIDE).figures)
+        figures, _ = scores.score_courses(own, classes, harness.INSIDE)
+        values[person] = scores.values_of(figures)
     return values
 
 

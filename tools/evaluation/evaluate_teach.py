@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from kinespace.library import Clip, MotionLibrary, WindowIndex
-from kinespace.library.windows.taught import teacher_of
 from kinespace.stream import EventKind, Outcome, Settings
 from kinespace.stream.teaching.movement import moved_in
 from kinespace.tools.cli.arguments import add_settings, settings_of
 from kinespace.tools.cli.arguments import count as above_zero
-from kinespace.tools.cli.console import console, counted, note, print_json, progress, scores_of
+from kinespace.tools.cli.console import counted, note, progress, scores_of, tell
 from kinespace.tools.evaluation.harness import Feed, Take, add_sources, answers_to, shared_joints, takes_at
 from kinespace.tools.evaluation.scores import percentile, ratio, values_of
 from kinespace.tools.feeding.feed import resampled
+from kinespace.tools.teaching.lessons import open_taught
 
 #: A motion, and the name of the recording that it was cut from.
 Motion = tuple[str, Clip]
@@ -91,18 +91,15 @@ def run(options: argparse.Namespace) -> int:
     teachers = sorted(options.teachers or by_person)
     replies = _replies(by_person, teachers, options)
     if not any(replies.values()):
-        note(f"nothing asked: {_why_nobody_asks(by_person)}")
+        note("nothing asked: each class needs a take more than examples, and a class of one take keeps it from asking")
         return 1
     figures = {"examples": options.examples, **scored(replies, options.examples)}
-    if options.json:
-        motions = [clip for each in by_person.values() for _, clip in each]
-        whole = {"persons": len(teachers), "draws": options.draws}
-        print_json({**figures, **whole, **begun(motions), **stood([take.clip for take in takes])})
-        return 0
+    lessons = begun([clip for each in by_person.values() for _, clip in each]) | stood([take.clip for take in takes])
+    found = {**figures, "persons": len(teachers), "draws": options.draws, **lessons}
     rows = [{name: each[place] for name, each in figures.items()} for place in range(len(options.examples))]
     title = "Motions asked that were not taught: is the first start event right?"
     caption = f"{counted(len(teachers), 'person')}, {counted(options.draws, 'draw')} each"
-    console.print(scores_of(rows, _COLUMNS, title=title, caption=caption, names=0))
+    tell(options, found, scores_of(rows, _COLUMNS, title=title, caption=caption, names=0))
     return 0
 
 
@@ -113,31 +110,20 @@ def _replies(
     settings, replies = settings_of(options), defaultdict[tuple[str, int], list[Reply]](list)
     for place, teacher in enumerate(progress(teachers, "Teaching", len(teachers))):
         own = by_person[teacher]
-        taught = taught_by([clip for _, clip in own])
         others = [clip for name, each in by_person.items() if name != teacher for _, clip in each]
         for draw in range(options.draws):
             for count in options.examples:
                 generator = np.random.default_rng([_SEED, place, draw, count])
                 examples, left = drawn(own, count, generator)
                 if examples:
-                    index = taught.of_some(examples)
-                    known = sorted({own[each][1].class_name for each in examples})
+                    index = _opened(examples)
+                    known = sorted({each.class_name for each in examples})
                     for whose, clips in (("same", left), ("other", others)):
                         asked = _some(clips, known, _ASKED[whose], generator)
                         replies[whose, count] += [ask(clip, index, settings) for clip in asked]
                         if options.left_out:
-                            replies[f"unknown {whose}", count] += _strangers(asked, taught, examples, settings)
+                            replies[f"unknown {whose}", count] += _strangers(asked, examples, settings)
     return replies
-
-
-def _why_nobody_asks(by_person: Mapping[str, Sequence[Motion]]) -> str:
-    """Say what the takes lack: motions apart from those of the takes that teach."""
-    takes = defaultdict[str, set[str]](set)
-    for take, clip in (each for motions in by_person.values() for each in motions):
-        takes[clip.class_name].add(take)
-    single = sorted(name for name, own in takes.items() if len(own) == 1)
-    named = ", ".join(single) or "here none"
-    return f"each class needs a take more than examples; a class of one take keeps that take from asking ({named})"
 
 
 def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, list[Motion]]:
@@ -152,21 +138,12 @@ def _motions(takes: Sequence[Take], options: argparse.Namespace) -> dict[str, li
     return {person: sorted(own, key=lambda each: each[1].class_name) for person, own in by_person.items()}
 
 
-def taught_by(own: Sequence[Clip]) -> WindowIndex:
-    """Compute the windows of all motions that one person may teach, in metrics learned without the person."""
-    library = MotionLibrary.of_clips(own)
-    person = own[0].actor
-    builtin = MotionLibrary.builtin().restricted_to(library.skeleton.joints)
-    strangers = builtin.without(actors=[person]) if person in builtin.actors else builtin
-    teacher = teacher_of(library)
-    if teacher is not library:
-        teacher = replace(strangers, learned={}).restricted_to(library.skeleton.joints)
-        ordered = tuple(each.as_of(teacher.skeleton) for each in library.motions)
-        library = replace(library, skeleton=teacher.skeleton, motions=ordered)
-    return WindowIndex.of(library, teacher)
+def _opened(examples: Sequence[Clip]) -> WindowIndex:
+    """Open one person's examples as a file of taught motions is opened, in metrics learned without the person."""
+    return open_taught(MotionLibrary.of_clips(examples), {examples[0].actor})
 
 
-def drawn(own: Sequence[Motion], count: int, generator: np.random.Generator) -> tuple[list[int], list[Clip]]:
+def drawn(own: Sequence[Motion], count: int, generator: np.random.Generator) -> tuple[list[Clip], list[Clip]]:
     """Draw the examples of each class, and give the motions of the same person that are left to ask.
 
     Recordings come in a drawn order, and each class is taught by its first motions; motions from the same recording as
@@ -175,7 +152,7 @@ def drawn(own: Sequence[Motion], count: int, generator: np.random.Generator) -> 
     Parameters
     ----------
     own
-        The person's motions, in a library's order.
+        The person's motions.
     count
         The number of examples of each class.
     generator
@@ -183,16 +160,17 @@ def drawn(own: Sequence[Motion], count: int, generator: np.random.Generator) -> 
 
     Returns
     -------
-    Indices of the examples in the library, and the motions to ask; empty where no class has enough examples.
+    The examples, and the motions to ask; empty where no class has enough examples.
     """
     takes = sorted({take for take, _ in own})
     order = {takes[place]: rank for rank, place in enumerate(generator.permutation(len(takes)).tolist())}
-    chosen = defaultdict[str, list[int]](list)
-    for place in sorted(range(len(own)), key=lambda each: order[own[each][0]]):
-        chosen[own[place][1].class_name].append(place)
-    examples = [place for each in chosen.values() if len(each) >= count for place in each[:count]]
-    used = {own[place][0] for place in examples}
-    return examples, [clip for take, clip in own if take not in used] if examples else []
+    chosen = defaultdict[str, list[Motion]](list)
+    for motion in sorted(own, key=lambda each: order[each[0]]):
+        chosen[motion[1].class_name].append(motion)
+    examples = [motion for each in chosen.values() if len(each) >= count for motion in each[:count]]
+    used = {take for take, _ in examples}
+    left = [clip for take, clip in own if take not in used] if examples else []
+    return [clip for _, clip in examples], left
 
 
 def _some(clips: Sequence[Clip], classes: Sequence[str], most: int, generator: np.random.Generator) -> list[Clip]:
@@ -213,14 +191,13 @@ def ask(motion: Clip, index: WindowIndex, settings: Settings) -> Reply:
     return Reply(motion, tuple(each.label for each in starts), delay, len(answers), named)
 
 
-def _strangers(asked: Sequence[Clip], taught: WindowIndex, examples: Sequence[int], settings: Settings) -> list[Reply]:
+def _strangers(asked: Sequence[Clip], examples: Sequence[Clip], settings: Settings) -> list[Reply]:
     """Ask motions whose class was not taught: the others' examples alone are opened."""
-    motions = taught.library.motions
     # What is done says nothing about names, and takes long to open.
     settings = replace(settings, false_alarms=0.0)
     opened = dict[str, WindowIndex]()
     for name in {clip.class_name for clip in asked}:
-        opened[name] = taught.of_some([each for each in examples if motions[each].class_name != name])
+        opened[name] = _opened([each for each in examples if each.class_name != name])
     return [ask(clip, opened[clip.class_name], settings) for clip in asked]
 
 

@@ -21,7 +21,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.library.recordings import RecordingReader, labelled, performed, segments_beside
 from kinespace.library.recordings.formats import utkinect
-from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, read_labels, renamed
+from kinespace.library.recordings.formats.labels import LabelError, Segment, cut, oddities, renamed
 from kinespace.library.recordings.formats.texts import lines_of
 from kinespace.library.skeleton import SkeletonMismatchError
 from kinespace.library.windows.segments import mirrored
@@ -84,8 +84,6 @@ class Sources:
     places
         Labelled takes, or folders of them: each take's labels lie next to it, ending in `.csv`, `.tsv` or `.txt`, or as
         UTKinect has them.
-    labels
-        The takes' labels in the takes' order, when they lie elsewhere.
     clips
         Whether each recording without labels is one motion from beginning to end. Its class is in its name (for files
         named like HDM05's, without this option too) or is its folder's name.
@@ -97,18 +95,14 @@ class Sources:
         Class names for labels that the library calls otherwise.
     persons
         The persons whose takes are kept; all when empty.
-    skeleton
-        Name of a joint set to which takes are restricted; all joints when not given.
     """
 
     places: Sequence[Path] = ()
-    labels: Sequence[Path] = ()
     clips: bool = False
     unknown: Sequence[Path] = ()
     tables: Sequence[Path] = ()
     names: Mapping[str, str] = field(default_factory=dict)
     persons: Sequence[str] = ()
-    skeleton: str | None = None
 
     def __bool__(self) -> bool:
         return bool(self.places or self.unknown or self.tables)
@@ -150,10 +144,7 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
         for line in oddities(take.clip, take.segments) if take.is_known else ():
             note(line)
     if not takes:
-        raise ValueError(f"--subjects: expected persons with takes, got {', '.join(sources.persons)}")
-    if sources.skeleton:
-        joints = arguments.joints_of(sources.skeleton)
-        takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
+        raise ValueError(f"--takes, --subjects: expected takes of {', '.join(sources.persons) or 'anybody'}, got none")
     return _with_distinct_names(_with_labels(takes, sources.names))
 
 
@@ -164,19 +155,15 @@ def takes_of(motions: Sequence[Clip]) -> list[Take]:
 
 
 def _labelled(sources: Sources) -> Iterator[_Entry]:
-    paths = find_recordings(sources.places) if sources.places else []
-    if sources.labels and len(sources.labels) != len(paths):
-        raise ValueError(f"--labels: expected one for each of {len(paths)} takes, got {len(sources.labels)}")
-    for index, path in enumerate(paths):
-        segments = read_labels(sources.labels[index]) if sources.labels else segments_beside(path)
+    for path in find_recordings(sources.places) if sources.places else ():
         named = hdm05.read_clip_name(path)
-        if segments:
+        if segments := segments_beside(path):
             yield _Entry(path, segments)
-        elif not sources.labels and (sources.clips or (named and named.class_name)):
+        elif sources.clips or (named and named.class_name):
             yield _Entry(path, None)
         else:
-            where = "--labels says where they are, --clips that it is one motion"
-            raise FileNotFoundError(f"{path.with_suffix('.csv')}: no labels for {path.name}; {where}")
+            what = f"no labels for {path.name}; --clips says that it is one motion"
+            raise FileNotFoundError(f"{path.with_suffix('.csv')}: {what}")
 
 
 def _listed(table: Path) -> Iterator[_Entry]:
@@ -276,10 +263,8 @@ class Asked(NamedTuple):
     person: str = ""
 
 
-def asked_by(
-    takes: Sequence[Take], protocol: Protocol, library: MotionLibrary | None = None, *, either_side: bool = False
-) -> list[Asked]:
-    """Say which library recognises which take; takes of one library come together.
+def asked_by(takes: Sequence[Take], protocol: Protocol, *, either_side: bool = False) -> list[Asked]:
+    """Make the libraries of a protocol, and say which recognises which take; takes of one library come together.
 
     Takes without labels are recognised by every library of the protocol that has no motions of their person; where one
     take is left out at a time, by the library of all takes.
@@ -289,9 +274,7 @@ def asked_by(
     takes
         At least one.
     protocol
-        How libraries are made.
-    library
-        The library of `Protocol.LIBRARY`; other protocols need none.
+        How libraries are made; not `Protocol.LIBRARY`, which makes none.
     either_side
         Whether the libraries that are made have each motion mirrored, too.
 
@@ -300,10 +283,6 @@ def asked_by(
     ValueError
         The performers are not known, or no motion is left to make a library of.
     """
-    if protocol is Protocol.LIBRARY:
-        if library is None:
-            raise ValueError("library: expected one for --protocol library, got none")
-        return [Asked(take, library) for take in takes]
     labelled = [take for take in takes if take.is_known]
     every = [*labelled, *(take for take in takes if not take.is_known)]
     by_take = protocol is Protocol.LEAVE_ONE_TAKE_OUT
@@ -357,10 +336,8 @@ def add_sources(parser: argparse.ArgumentParser, usual: str) -> None:
     text = f"labelled takes, clips named as HDM05's, or folders of them (default: {usual})"
     parser.add_argument("takes", nargs="*", type=Path, metavar="TAKE", help=text)
     parser.add_argument("--clips", action="store_true", help="a recording without labels is one motion, of its folder")
-    arguments.add_labels(parser, "for each TAKE, in order (default: next to the take, called like it)")
     arguments.add_reading(parser)
-    arguments.add_shared(parser, "--actor-in", "--json")
-    arguments.add_subjects(parser)
+    arguments.add_shared(parser, "--actor-in", "--subjects", "--json")
     parser.add_argument("--map", **arguments.several(arguments.mapping, "LABEL=CLASS"), help="rename labels")
     parser.add_argument("--skeleton", metavar="NAME", help="with the joints of this product alone, like kinectv2")
 
@@ -369,8 +346,7 @@ def add_asked(parser: argparse.ArgumentParser) -> None:
     """Add the options for takes of all kinds, and for the library and the recogniser that are asked."""
     add_sources(parser, "the library's own motions")
     parser.add_argument("--unknown", **arguments.several(Path, "TAKE"), help="takes, or folders, without known motions")
-    arguments.add_takes(parser)
-    arguments.add_shared(parser, "--library", "--either-side")
+    arguments.add_shared(parser, "--takes", "--library", "--either-side")
     text = (
         "recognise with the library; with motions cut from the other takes, or from the other persons' takes; or with "
         "motions of one person, for each person in turn"
@@ -387,10 +363,38 @@ def sources_of(options: argparse.Namespace) -> Sources:
 
 
 def takes_at(options: argparse.Namespace, library: MotionLibrary) -> list[Take]:
-    """Read the takes; without any give the motions of a library."""
+    """Read the takes; without any give the motions of a library; perhaps with the joints of one product alone."""
     if sources := sources_of(options):
-        return read_takes(sources, arguments.reading_of(options))
-    return [take for take in takes_of(library.motions) if sources.wants(take.person)]
+        takes = read_takes(sources, arguments.reading_of(options))
+    else:
+        takes = [take for take in takes_of(library.motions) if sources.wants(take.person)]
+    if not options.skeleton:
+        return takes
+    joints = arguments.joints_of(options.skeleton)
+    return [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
+
+
+def motions_at(options: argparse.Namespace) -> list[Clip]:
+    """Cut the motions out of the takes, or give the built-in library's, over the joints that all have, in one order.
+
+    Raises
+    ------
+    ValueError
+        A motion has one frame, or they are of one class.
+    """
+    takes = takes_at(options, MotionLibrary.builtin())
+    motions = [motion for take in takes if take.is_known for motion in take.motions()]
+    if short := [clip.name for clip in motions if clip.frames < 2]:
+        raise ValueError(f"{short[0]}: expected a motion of at least 2 frames, got one")
+    classes = {clip.class_name for clip in motions}
+    if len(classes) < 2:
+        got = f"got {len(motions)} of {', '.join(classes) or 'none'}"
+        where = "a class is in a clip's name (HDM05), is its folder's name, or a label beside the take"
+        raise ValueError(f"TAKE: expected motions of two classes or more, {got}: {where}")
+    joints = shared_joints([clip.skeleton for clip in motions])
+    if any(len(clip.skeleton.joints) > len(joints) for clip in motions):
+        motions = [clip.restricted_to(joints) for clip in motions]
+    return [clip.as_of(motions[0].skeleton) for clip in motions]
 
 
 def protocol_of(options: argparse.Namespace) -> Protocol:
@@ -417,11 +421,14 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     given = None
     if protocol is Protocol.LIBRARY or not sources:
         given = arguments.library_at(options.library)
-        given = given.restricted_to(arguments.joints_of(options.skeleton)) if options.skeleton else given
     takes = takes_at(options, given or MotionLibrary.builtin())
     joints = shared_joints([*(take.clip.skeleton for take in takes), *([given.skeleton] if given else ())])
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
-    asked = asked_by(takes, protocol, given.restricted_to(joints) if given else None, either_side=options.either_side)
+    if given and protocol is Protocol.LIBRARY:
+        library = given.restricted_to(joints)
+        asked = [Asked(take, library) for take in takes]
+    else:
+        asked = asked_by(takes, protocol, either_side=options.either_side)
     classes = tuple(sorted({name for each in asked for name in each.library.classes}))
     _require_classes(takes, sources, classes)
     return asked, classes

@@ -72,9 +72,6 @@ _COLUMNS = (
 )
 
 _SHAPE = 2 * len(ACROSS_LABORATORIES.groups)
-#: The numbers of a library that is only asked for evidence.
-_NOTHING_LEARNED = Rejection(np.zeros(_SHAPE + 1), 0.0, {}, {}, np.zeros(len(RATES)), np.zeros(_SHAPE))
-
 #: The evidence and the guess of some windows.
 Evidenced = list[tuple[Evidence, str]]
 
@@ -117,6 +114,18 @@ class _Course(NamedTuple):
         return [window for window in self.windows if window[1] in self.take.contains]
 
 
+class _Seen(NamedTuple):
+    """What a library of some joints saw: its own motions, takes with all joints of the whole library, and with fewer.
+
+    Evidence is relative to what is typical of the library.
+    """
+
+    opened: WindowIndex
+    own: list[_Own]
+    whole: list[_Course]
+    fewer: list[_Course]
+
+
 #: Takes, each with the numbers that judge it.
 _Judged = Sequence[tuple[_Course, Rejection]]
 
@@ -127,10 +136,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the library to write")
     text = "also write typical windows of the takes in which nothing known happens, over HDM05's joints"
     parser.add_argument("--everyday", type=Path, metavar="FILE.npz", help=text)
-    arguments.add_takes(parser, required=True)
-    arguments.add_subjects(parser)
     arguments.add_reading(parser)
-    arguments.add_shared(parser, "--overwrite", "--json")
+    arguments.add_shared(parser, "--takes", "--subjects", "--overwrite", "--json")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -145,31 +152,21 @@ def run(options: argparse.Namespace) -> None:
         np.savez_compressed(options.everyday, windows=everyday_of([take.clip for take in takes if not take.labels]))
     _require_others(library)
     whole = [take for take in takes if set(library.skeleton.joints) <= set(take.clip.skeleton.joints)]
-    own, index = _own_courses(library), _index(library)
-    courses = [_Course(take, _windows(index, take.clip)) for take in progress(whole, "Strangers", len(whole))]
-    typical, lessons = typical_evidence(index), _own_lessons(own)
-
-    def fit(persons: Collection[str] = ()) -> Rejection:
-        return fitted([*lessons, *_lessons(courses, persons)], library.classes, typical, over=_OVER)
-
-    clean, apart = [each for each in own if not each.noise], _fitted_apart(courses, fit)
-    usual = _threshold(clean, apart, _USUAL)
-    # Every class is named at the usual sensitivity, also a class that resembles strangers' everyday movement.
-    raised = {id(each): _raised(each, clean, usual) for _, each in apart}
-    named = [(course, raised[id(each)]) for course, each in apart]
-    thresholds = [_threshold([], named, rate) for rate in RATES]
-    joints = len(library.skeleton.joints)
-    rejection = replace(_raised(fit(), clean, usual), thresholds=np.array(thresholds), joints=joints)
-    learned = dict(rejection.kept())
+    seen = _seen_by(library, whole, follow=True)
+    clean = [each for each in seen.own if not each.noise]
+    rejection, judged = _learned(library.classes, [seen], clean, _OVER)
+    typical, joints = seen.opened.rejection.typical, len(library.skeleton.joints)
+    learned = dict(replace(rejection, typical=typical, joints=joints).kept())
     if fewer := [take for take in takes if take not in whole]:
         learned |= learned_of_few(library, whole, fewer).kept(few=True)
     keeping_lessons(replace(library, learned=learned)).save(options.output)
-    rows = [{"rate": rate} | _figures(named, each) for rate, each in zip(RATES, thresholds, strict=True)]
-    unknown = [each.take.clip.duration for each in courses if each.is_unknown]
-    containing = sum(bool(each.take.contains) for each in courses)
+    thresholds = rejection.thresholds.tolist()
+    rows = [{"rate": rate} | _figures(judged, each) for rate, each in zip(RATES, thresholds, strict=True)]
+    unknown = [each.take.clip.duration for each in seen.whole if each.is_unknown]
+    containing = sum(bool(each.take.contains) for each in seen.whole)
     title = (
         f"{len(unknown)} unknown takes ({sum(unknown) / 60:.1f} minutes), {containing} with a known motion; "
-        f"{len({each.take.person for each in courses})} subjects, each judged by numbers fitted on others"
+        f"{len({each.take.person for each in seen.whole})} subjects, each judged by numbers fitted on others"
     )
     tell(options, rows, scores_of(rows, _COLUMNS, title=title, names=0))
 
@@ -231,27 +228,54 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     return np.array(means, dtype=np.float16)
 
 
-def _seen_of(
-    library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]
-) -> tuple[list[Lesson], list[_Course], list[_Course]]:
-    """Let a library of some of the joints recognise its own motions, takes, and takes that have no other joints.
-
-    Evidence is relative to what is typical.
-    """
+def _seen_by(library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool) -> _Seen:
+    """Let a library recognise its own motions, perhaps behind others, too, and takes that have all of its joints."""
     opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
-    typical = opened.rejection.typical
-    every = progress([*takes, *fewer], "Fewer joints", len(takes) + len(fewer))
-    clips = ((take, take.clip.restricted_to(library.skeleton.joints)) for take in every)
-    shown = [_Course(take, _relative(_windows(opened, clip), typical)) for take, clip in clips]
-    lessons = _own_lessons(_own_courses(library, follow=False))
-    own = [lesson._replace(windows=_relative(lesson.windows, typical)) for lesson in lessons]
-    return own, shown[: len(takes)], shown[len(takes) :]
+    index = _asked(opened, typical_evidence(opened))
+    shown = progress([*whole, *fewer], "Strangers", len(whole) + len(fewer))
+    courses = [_Course(take, _windows(index, take.clip.over(library.skeleton))) for take in shown]
+    return _Seen(index, _own_courses(index, follow=follow), courses[: len(whole)], courses[len(whole) :])
+
+
+def _learned(
+    classes: Sequence[str], bodies: Sequence[_Seen], clean: Sequence[_Own], over: float
+) -> tuple[Rejection, _Judged]:
+    """Learn numbers for some bodies: no more unknown time of any of them is named than a threshold says.
+
+    Parameters
+    ----------
+    classes
+        The classes that may be guessed.
+    bodies
+        What was seen by the joints of each.
+    clean
+        Motions by which biases are raised, so that every class is named at the usual sensitivity, also a class that
+        resembles strangers' everyday movement.
+    over
+        Seconds over which evidence is averaged.
+
+    Returns
+    -------
+    The numbers, relative to what is typical; and the takes, each with numbers fitted on other persons'.
+    """
+    lessons = [lesson for seen in bodies for lesson in _own_lessons(seen.own)]
+    takes = [each for seen in bodies for each in (seen.whole, seen.fewer)]
+
+    def fit(persons: Collection[str] = ()) -> Rejection:
+        strangers = [lesson for courses in takes for lesson in _lessons(courses, persons)]
+        return fitted([*lessons, *strangers], classes, over)
+
+    apart = _fitted_apart([each for courses in takes for each in courses], fit)
+    usual = _threshold(clean, apart, _USUAL)
+    raised = {id(each): _raised(each, clean, usual) for _, each in apart}
+    judged = [(course, raised[id(each)]) for course, each in apart]
+    of_bodies = [[each for each in judged if each[0] in (*seen.whole, *seen.fewer)] for seen in bodies]
+    thresholds = [max(_threshold([], each, rate) for each in of_bodies) for rate in RATES]
+    return replace(_raised(fit(), clean, usual), thresholds=np.array(thresholds)), judged
 
 
 def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequence[Take]) -> Rejection:
     """Learn the numbers for bodies of few joints.
-
-    No more unknown time of any of these bodies is named than a threshold says.
 
     Parameters
     ----------
@@ -263,70 +287,41 @@ def learned_of_few(library: MotionLibrary, takes: Sequence[Take], fewer: Sequenc
     by_joints = defaultdict[tuple[str, ...], list[Take]](list)
     for take in fewer:
         by_joints[tuple(name for name in library.skeleton.joints if name in take.clip.skeleton.joints)].append(take)
-    most = max(map(len, by_joints))
-    # Where a file has numbers for few joints, evidence is relative to these motions: the numbers do not matter here.
-    judged = replace(library, learned=replace(_NOTHING_LEARNED, joints=most).kept(few=True))
-    bodies = [_seen_of(judged.restricted_to(joints), takes, own) for joints, own in by_joints.items()]
-    shown = [[*courses, *of_fewer] for _, courses, of_fewer in bodies]
-
-    def fit(persons: Collection[str] = ()) -> Rejection:
-        lessons = list[Lesson]()
-        for own, courses, of_fewer in bodies:
-            lessons += [*own, *_lessons(courses, persons), *_lessons(of_fewer, persons)]
-        return fitted(lessons, library.classes, np.zeros(_SHAPE))
-
-    apart = _fitted_apart([each for courses in shown for each in courses], fit)
-    of_bodies = [[(each, fit) for each, fit in apart if each in courses] for courses in shown]
-    thresholds = [max(_threshold([], each, rate) for each in of_bodies) for rate in RATES]
-    return replace(fit(), thresholds=np.array(thresholds), joints=most)
+    bodies = [_seen_by(library.restricted_to(joints), takes, own, follow=False) for joints, own in by_joints.items()]
+    rejection, _ = _learned(library.classes, bodies, [], USUAL_OVER)
+    return replace(rejection, joints=max(map(len, by_joints)))
 
 
-def _relative(windows: Evidenced, typical: NDArray[np.float64]) -> Evidenced:
-    """Give windows with their distances and leads relative to typical ones, (2 groups,)."""
-    half, moved = len(typical) // 2, list[tuple[Evidence, str]]()
-    for evidence, guess in windows:
-        compared = (np.array(evidence.compared) - typical).tolist()
-        moved.append((Evidence(tuple(compared[:half]), tuple(compared[half:]), evidence.noise), guess))
-    return moved
-
-
-def _index(library: MotionLibrary) -> WindowIndex:
-    """Open a library for asking."""
-    return _asked(WindowIndex.of(library, weighing=ACROSS_LABORATORIES))
-
-
-def _asked(index: WindowIndex) -> WindowIndex:
-    """Let an index name all that is asked: its rejection is not used yet."""
-    index.rejection = _NOTHING_LEARNED
+def _asked(index: WindowIndex, typical: NDArray[np.float64]) -> WindowIndex:
+    """Let an index name all that is asked, and give evidence relative to what is typical, (2 groups,)."""
+    index.rejection = Rejection(np.zeros(_SHAPE + 1), 0.0, {}, {}, np.zeros(len(RATES)), typical)
     return index
 
 
-def _own_courses(library: MotionLibrary, *, follow: bool = True) -> list[_Own]:
+def _own_courses(whole: WindowIndex, *, follow: bool) -> list[_Own]:
     """Let each person's motions be recognised by the others', with noise and without, perhaps behind another, too.
 
     The motions of a single person are recognised by this person's other motions. Behind another motion they teach
     bodies of few joints to name the unknown (tests/TRIED.md).
     """
-    found, whole = list[_Own](), _index(library)
+    found, library, typical = list[_Own](), whole.library, whole.rejection.typical
     groups = [[place for place, each in enumerate(library.motions) if each.actor == actor] for actor in library.actors]
-    single = len(groups) < 2
-    if single:
+    if len(groups) < 2:
         groups = [[place] for group in groups for place in group]
     for group in progress(groups, "Motions", len(groups)):
-        actors = {library.motions[place].actor for place in group}
-        remaining = [place for place in range(len(library.motions)) if place not in group]
-        index = _asked(whole.of_some(remaining)) if single else _index(library.without(actors=actors))
         own = [(place, library.motions[place]) for place in group]
+        others = library.without(motions=[each for _, each in own])
+        index = _asked(WindowIndex.of(others, weighing=ACROSS_LABORATORIES), typical)
         for name in {each.class_name for _, each in own} - {NOTHING}:
             apart = [place for place, each in enumerate(index.library.motions) if each.class_name != name]
-            left = _asked(index.of_some(apart)) if apart else None
+            left = _asked(index.of_some(apart), typical) if apart else None
             asking = [place for place, each in own if each.class_name == name]
-            others = [each for each in library.motions if follow and each.actor in actors and each.class_name != name]
+            same = [each for each in library.motions if each.actor == own[0][1].actor and each.class_name != name]
             for place, noise in product(asking, _NOISES):
                 clip = library.motions[place]
                 windows, following = _windows(index, clip, noise, place), Evidenced()
                 left_out = _windows(left, clip, noise, place) if left else []
-                if before := [each for each in others if each.frame_rate == clip.frame_rate]:
+                if before := [each for each in same if follow and each.frame_rate == clip.frame_rate]:
                     behind = joined(before[place % len(before)], clip)
                     following = _windows(index, behind, noise, place, behind.duration - clip.duration)
                 found.append(_Own(name, noise, windows, left_out, following))
@@ -354,8 +349,15 @@ def _windows(
     """Push a clip through the recogniser, as a noisy sensor sees it if asked; give its windows from a time on."""
     feed = Feed.of(clip, index.library.skeleton)
     feed = feed if seed is None else noisy(noise)(feed, np.random.default_rng(seed))
-    answers = answers_to(feed, index, Settings(hop=_HOP))
-    return [(each.evidence, each.classes[each.best]) for each in answers if each.evidence and each.time >= begun]
+    answers, typical = answers_to(feed, index, Settings(hop=_HOP)), index.rejection.typical
+    seen = [(each.evidence, each.classes[each.best]) for each in answers if each.evidence and each.time >= begun]
+    return [(_relative(evidence, typical), guess) for evidence, guess in seen]
+
+
+def _relative(evidence: Evidence, typical: NDArray[np.float64]) -> Evidence:
+    """Give distances and leads relative to typical ones, (2 groups,)."""
+    distances, leads = np.split(np.array(evidence.compared) - typical, 2)
+    return Evidence(tuple(distances.tolist()), tuple(leads.tolist()), evidence.noise)
 
 
 def _fitted_apart(courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]) -> _Judged:
@@ -413,9 +415,7 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     return highest
 
 
-def fitted(
-    lessons: Sequence[Lesson], class_names: Sequence[str], typical: NDArray[np.float64], over: float = USUAL_OVER
-) -> Rejection:
+def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], over: float) -> Rejection:
     """Fit a logistic function that separates known windows from unknown ones; thresholds are not set yet.
 
     Parameters
@@ -424,13 +424,11 @@ def fitted(
         Windows of both kinds; within each they count alike.
     class_names
         The classes that may be guessed.
-    typical
-        Distances and leads that the evidence is relative to, shape (2 groups,).
     over
         Seconds over which evidence is averaged.
     """
     taught = [lesson for lesson in lessons if lesson.windows]
-    rows = np.vstack([_numbers(lesson.windows, class_names, typical) for lesson in taught])
+    rows = np.vstack([_numbers(lesson.windows, class_names) for lesson in taught])
     lengths = [len(lesson.windows) for lesson in taught]
     signs = np.repeat([1.0 if lesson.is_known else -1.0 for lesson in taught], lengths)
     counts = np.repeat([lesson.weight / len(lesson.windows) for lesson in taught], lengths)
@@ -447,18 +445,19 @@ def fitted(
     slope = minimize(loss, np.zeros(scaled.shape[1]), jac=True, method="L-BFGS-B").x
     plain = slope[:-1] / scale
     offset = float(slope[-1] - plain @ middle)
-    weights, biases, slopes = np.split(plain, [len(typical) + 1, len(typical) + 1 + len(class_names)])
+    weights, biases, slopes = np.split(plain, [-2 * len(class_names), -len(class_names)])
     by_class = [dict(zip(class_names, each.tolist(), strict=True)) for each in (biases, slopes)]
-    return Rejection(weights, offset, by_class[0], by_class[1], np.zeros(len(RATES)), typical, over=over)
+    relative = np.zeros(len(weights) - 1)
+    return Rejection(weights, offset, by_class[0], by_class[1], np.zeros(len(RATES)), relative, over=over)
 
 
-def _numbers(windows: Evidenced, class_names: Sequence[str], typical: NDArray[np.float64]) -> NDArray[np.float64]:
+def _numbers(windows: Evidenced, class_names: Sequence[str]) -> NDArray[np.float64]:
     """Give the inputs of `Rejection`'s weights, with a bias and a lead for every class: (windows, numbers)."""
-    compared = np.array([evidence.compared for evidence, _ in windows]) - typical
-    leads = compared[:, len(typical) // 2 :].mean(axis=1)
+    compared = np.array([evidence.compared for evidence, _ in windows])
+    leads = [evidence.lead for evidence, _ in windows]
     noise = [evidence.noisiness for evidence, _ in windows]
     guesses = np.array([[float(guess == name) for name in class_names] for _, guess in windows])
-    return np.column_stack([compared, noise, guesses, guesses * leads[:, None]])
+    return np.column_stack([compared, noise, guesses, guesses * np.array(leads)[:, None]])
 
 
 def _threshold(own: Sequence[_Own], judged: _Judged, rate: float) -> float:

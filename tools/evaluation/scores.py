@@ -520,31 +520,10 @@ def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
     return {"seconds": float(sum(seconds)), "segments": len(seconds), "persons": known}
 
 
-class StreamScore(NamedTuple):
-    """How right the answers to some takes were.
-
-    Attributes
-    ----------
-    figures
-        By name; `tables_of` says of each what it is. Shares are 0 to 1.
-    described
-        `classes`: of each class performed, the seconds, and the shares of its time guessed right, and right with the
-        last second inside the segment. `known`, `unknown`, `containing`: the basis of the figures of known motions, of
-        unknown motions, and of `takes_found` (segments are takes for the last). A segment that several libraries were
-        asked about counts once.
-    """
-
-    figures: Mapping[str, Figure]
-    described: Mapping[str, Mapping[str, Any]]
-
-    def as_json(self, *, by_person: bool = False) -> dict[str, Any]:
-        """Give values, classes, bases, and the 95 % interval of each figure (`Figure.interval`)."""
-        intervals = intervals_of(self.figures, by_person=by_person)
-        return {**values_of(self.figures), **self.described, "intervals": intervals}
-
-
-def score_courses(courses: Sequence[Course], classes: Sequence[str], window: float) -> StreamScore:
-    """Score some takes together.
+def score_courses(
+    courses: Sequence[Course], classes: Sequence[str], window: float
+) -> tuple[dict[str, Figure], dict[str, Mapping[str, Any]]]:
+    """Score some takes together: how right the answers were.
 
     Parameters
     ----------
@@ -554,6 +533,13 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
         The library's class names.
     window
         Seconds before a moment that must lie inside the segment.
+
+    Returns
+    -------
+    The figures by name: `tables_of` says of each what it is; shares are 0 to 1. And, by name, `classes`: of each class
+    performed, the seconds, and the shares of its time guessed right, and right with the last second inside the segment;
+    `known`, `unknown`, `containing`: the basis of the figures of known motions, of unknown motions, and of
+    `takes_found` (segments are takes for the last). A segment that several libraries were asked about counts once.
     """
     stretches = list(stretches_of(courses, window))
     of_known = [each for each in stretches if each.known]
@@ -582,7 +568,7 @@ def score_courses(courses: Sequence[Course], classes: Sequence[str], window: flo
     of_classes = sorted(_grouped(of_known, "truth"), key=lambda own: own[0].truth)
     by_class = {classes[own[0].truth]: _score_of_class(_grouped(own, "key")) for own in of_classes}
     bases = {"known": _basis(known), "unknown": _basis(unknown), "containing": _basis(containing)}
-    return StreamScore(figures, {"classes": by_class, **bases})
+    return figures, {"classes": by_class, **bases}
 
 
 def _grouped(items: Sequence[_Item], by: str) -> list[list[_Item]]:
@@ -666,7 +652,7 @@ _SHOWN_OF_PERSONS = ("frame_accuracy", "segment_accuracy", "segment_majority", "
 
 
 def tables_of(found: Mapping[str, Any], headed: str) -> Iterator[Table]:
-    """Draw what `StreamScore.as_json` has found: figures, intervals (below `headed`), basis, each class's result."""
+    """Draw the values of figures, their intervals (below `headed`), basis, and each class's result."""
     rows = list[tuple[str, ...]]()
     for heading, basis, unit, figures in (
         ("known motions", found["known"], "segment", _KNOWN),

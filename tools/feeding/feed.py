@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,11 +49,8 @@ class Cue:
     recording: int = 0
 
 
-class Piece(NamedTuple):
-    """Some frames of a recording, and the index of the first frame in the recording."""
-
-    start: int
-    clip: Clip
+#: A recording, and the class that is performed at each of its frames; empty where it is not known.
+Labelled = tuple[Clip, Sequence[str]]
 
 
 def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
@@ -72,30 +69,21 @@ def clip_cues(clips: Iterable[Clip], performer: str, *, speed: float = 1.0, paus
     pause
         Seconds (of recorded time) between two clips; more than the recogniser's longest gap empties its window.
     """
-    return piece_cues((Piece(0, clip) for clip in clips), performer, speed=speed, pause=pause)
+    recordings = ((clip, [clip.class_name] * clip.frames) for clip in clips)
+    return labelled_cues(recordings, performer, speed=speed, pause=pause)
 
 
-def piece_cues(pieces: Iterable[Piece], performer: str, *, speed: float = 1.0, pause: float = 1.0) -> Iterator[Cue]:
-    """Cue recordings one after the other; each recording comes in consecutive pieces.
-
-    Parameters
-    ----------
-    pieces
-        In their order; a piece that starts at 0 begins another recording.
-    performer, speed, pause
-        As in `clip_cues`.
-    """
-    begin, ended, recording = 0.0, 0.0, -1
-    for start, clip in pieces:
-        if not start:
-            begin += ended + pause if ended else 0.0
-            recording += 1
-        times = np.arange(start, start + clip.frames) / clip.frame_rate
-        ended = (start + clip.frames) / clip.frame_rate
-        for moment, positions in zip(times.tolist(), clip.positions, strict=True):
+def labelled_cues(
+    recordings: Iterable[Labelled], performer: str, *, speed: float = 1.0, pause: float = 1.0
+) -> Iterator[Cue]:
+    """Cue recordings whose class is known frame by frame, one after the other; parameters as in `clip_cues`."""
+    begin = 0.0
+    for recording, (clip, classes) in enumerate(recordings):
+        for moment, positions, class_name in zip(clip.times.tolist(), clip.positions, classes, strict=True):
             # Time 0 would mean "on arrival".
             frame = Frame(performer, 1.0 + begin + moment, positions)
-            yield Cue((begin + moment) / speed, frame, clip.class_name, recording)
+            yield Cue((begin + moment) / speed, frame, class_name, recording)
+        begin += clip.frames / clip.frame_rate + pause
 
 
 def resampled(clip: Clip, frame_rate: float) -> Clip:

@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = f'rename these classes; motions of the class {NOTHING} are to be answered "unknown"'
     parser.add_argument("--rename", **arguments.several(arguments.mapping, "OLD=NEW"), help=text)
     arguments.add_shared(parser, "--either-side")
-    text = "for each recording, in order: cut it into these motions (default: the file next to it, if there is one)"
-    arguments.add_labels(parser, text)
+    text = "start_s,end_s,label for each recording, in order: cut it into these motions (default: the file next to it)"
+    parser.add_argument("--labels", **arguments.several(Path, "CSV"), help=text)
     arguments.add_shared(parser, "--overwrite", "--feed", "--actor-in")
     arguments.add_reading(parser)
     parser.add_argument("--licence", help="terms of the recordings (default: HDM05's, if they are named like HDM05's)")

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "--people")
     parser.add_argument("--fast", action="store_true", help="every picture of a film, as fast as they can be read")
     add_shared(parser, "--size")
-    parser.add_argument("--models", type=Path, metavar="FOLDER|FILE.task", help="where the models are (default: cache)")
+    parser.add_argument("--models", type=Path, metavar="FOLDER", help="where the models are (default: cache)")
     parser.add_argument("--get-models", action="store_true", help="fetch the models by npm or pip, and end")
 
 

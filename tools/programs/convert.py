@@ -8,7 +8,6 @@ import codecs
 import csv
 import tempfile
 from array import array
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
@@ -36,38 +35,22 @@ _Motion = tuple[Skeleton, str, int, Iterator[_Posture]]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the program's options."""
-    parser.add_argument("sources", nargs="+", type=Path, metavar="FILE", help=".kinerec, motion files, folders of them")
-    text = "a file that ends in .npz or .csv; of several FILEs a folder, for an .npz of each"
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help=text)
+    parser.add_argument("source", type=Path, metavar="FILE", help="a .kinerec or a motion file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="ends in .npz or .csv")
     parser.add_argument("--performer", help="the performer to convert, if there are several")
     add_shared(parser, "--overwrite", "--feed")
     add_reading(parser)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Convert files, frame by frame.
+    """Convert a file, frame by frame.
 
     An `.npz` holds `time` (frames,), seconds; `positions` (frames, joints, 3), metres; `joints`; `parents`, empty when
     they are not known; and `performer`. A `.csv` has a column for the time and three for each joint.
     """
-    sources, output = options.sources, options.output
-    if len(sources) == 1 and not sources[0].is_dir():
-        _convert(sources[0], output, options)
-        return
-    if output.suffix.lower() in (".csv", ".npz"):
-        raise ValueError(f"{output}: expected a folder for several files")
-    found = find_recordings(sources)
-    targets = [output / f"{each.stem}.npz" for each in found]
-    if twice := [each.name for each, count in Counter(targets).items() if count > 1]:
-        raise ValueError(f"{output}: expected files of different names, got {twice[0]} twice")
-    output.mkdir(exist_ok=True)
-    for source, target in zip(found, targets, strict=True):
-        _convert(source, target, options)
-
-
-def _convert(source: Path, output: Path, options: argparse.Namespace) -> None:
-    """Convert one file."""
-    feed = options.feed
+    source, output, feed = options.source, options.output, options.feed
+    if source.is_dir():
+        raise ValueError(f"{source}: expected one recording, got a folder")
     write = {".csv": _write_csv, ".npz": _write_npz}.get(output.suffix.lower())
     if write is None:
         raise ValueError(f"{output}: expected a file that ends in .npz or .csv")

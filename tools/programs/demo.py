@@ -11,7 +11,6 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,20 +42,6 @@ _PATIENCE = 20.0
 _LOOK_EVERY = 0.05
 #: Milliseconds after which an answer comes late.
 LATE = 100.0
-
-
-@dataclass(slots=True)
-class _Played:
-    """The answers while the motion of one class played, and their latencies in milliseconds."""
-
-    labels: Counter[str] = field(default_factory=Counter)
-    latest: Answer | None = None
-    latencies: list[float] = field(default_factory=list)
-
-    @property
-    def answered(self) -> str:
-        """The most frequent label; empty without answers."""
-        return self.labels.most_common(1)[0][0] if self.labels else ""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +90,8 @@ class _Show:
     def __init__(
         self, classes: Sequence[str], expected: Sequence[service.Expected], transport: service.Transport
     ) -> None:
-        self.played = {name: _Played() for name in classes}
+        #: The answers while the motion of each class played, with their latencies in milliseconds.
+        self.played: dict[str, list[tuple[Answer, float]]] = {name: [] for name in classes}
         self._matcher, self._transport = service.AnswerMatcher(expected), transport
         #: The frames to which an answer comes, by their indices.
         self._answered = [each.cue for each in expected]
@@ -128,28 +114,31 @@ class _Show:
             self.came += 1
             if expected := self._matcher.match(answer):
                 name, moment = self.sent[expected.cue]
-                played = self.played[name]
-                played.labels[answer.label] += 1
-                played.latest, news = answer, True
-                played.latencies.append(1000 * (each.arrival - moment))
+                self.played[name].append((answer, 1000 * (each.arrival - moment)))
+                news = True
         return news
+
+    def answered(self, name: str) -> str:
+        """Give the most frequent label while a class's motion played; empty without answers."""
+        labels = Counter(answer.label for answer, _ in self.played[name])
+        return labels.most_common(1)[0][0] if labels else ""
 
     @property
     def right(self) -> int:
         """The number of motions that were answered with their own class most of the time."""
-        return sum(each.answered == name for name, each in self.played.items())
+        return sum(self.answered(name) == name for name in self.played)
 
     @property
     def latencies(self) -> NDArray[np.float64]:
         """The latencies of all answers, milliseconds."""
-        return np.array([latency for each in self.played.values() for latency in each.latencies])
+        return np.array([latency for each in self.played.values() for _, latency in each])
 
     def as_json(self) -> dict[str, object]:
         """Give the tally by name."""
         latencies = self.latencies
         return {
             "played": len(self.played),
-            "answered": sum(bool(each.labels) for each in self.played.values()),
+            "answered": sum(map(bool, self.played.values())),
             "right": self.right,
             "late": int((latencies > LATE).sum()),
             "p99_ms": round(float(np.percentile(latencies, 99)), 3) if latencies.size else None,
@@ -158,20 +147,22 @@ class _Show:
     def table(self, width: int) -> Table:
         """Draw the motions so far, on a terminal of some width, characters."""
         title = "Motions of the built-in library, each left out of the library that names it"
-        rows = [self._row(name, each, width) for name, each in self.played.items()]
+        rows = [self._row(name, width) for name in self.played]
         return table_of(title, ("played", "answered", "score", "margin", "ms"), rows, names=3)
 
-    def _row(self, name: str, played: _Played, width: int) -> tuple[str | Text, ...]:
-        if played.latest is None:
+    def _row(self, name: str, width: int) -> tuple[str | Text, ...]:
+        if not (played := self.played[name]):
             return (Text(name, style="dim"),)
-        answered = Text(played.answered, style="green" if played.answered == name else "red")
-        latency, latest = float(np.median(played.latencies)), played.latest
-        return name, answered, score_shown(latest.score, width), f"{latest.margin:.3f}", f"{latency:.2f}"
+        answered = self.answered(name)
+        label = Text(answered, style="green" if answered == name else "red")
+        latest, latency = played[-1][0], np.median([latency for _, latency in played])
+        return name, label, score_shown(latest.score, width), f"{latest.margin:.3f}", f"{latency:.2f}"
 
     def tally(self) -> str:
         """Give the last lines of the report."""
         latencies, lost = self.latencies, self._matcher.lost + self._matcher.waiting
-        right, late = sum(each.labels[name] for name, each in self.played.items()), (latencies > LATE).sum()
+        right = sum(answer.label == name for name, each in self.played.items() for answer, _ in each)
+        late = (latencies > LATE).sum()
         busy = f", {late} late (after more than {LATE / 1000:g} s: this machine is busy)" if late else ""
         times = "p50 {:.2f} ms, p99 {:.2f} ms".format(*np.percentile(latencies, (50, 99))) if latencies.size else ""
         answered = f"{right} of {len(latencies)} answers right, {lost} lost{busy}"

@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from kinespace.library.naming import listed
-from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Receiver, Source, ZmqDecoder
 from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, RequestSource
-from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
+from kinespace.stream.inputs.detection import NATIVE, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
 from kinespace.stream.outputs import LAYOUTS, BodySink, Layout, LayoutSink, ReplySink, Sink, WrittenLayout, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL, LslSink
@@ -78,33 +77,13 @@ class Unread:
 
     def _look(self, survey: Survey) -> None:
         guess = survey.guess([builtin_preset(name) for name in builtin_names()])
-        addresses = [kind.address for kind in survey.kinds.values()]
-        came = listed(addresses, _MAX_NAMED)
-        if guess is None and not {*addresses}.isdisjoint(OURS):
-            self._note = ""  # Our own messages: the decoder says what is wrong with them.
-        elif lacking := _lacking(addresses):
-            waits = listed(lacking, _MAX_NAMED)
-            self._note = f"no frames: {waits}: the sender sends only what changes; let it send all once, or always"
-        elif guess is None:
-            nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
-            self._note = (
-                f"no frames, but {came or 'packets that are no OSC'}: no feed that is known. kinespace listen "
-                f"{self._place[1]} shows it (end this first), kinespace feeds {nearest} > my.toml begins a preset"
-            )
-        elif guess.preset.name != self._own:
+        came = listed([kind.address for kind in survey.kinds.values()], _MAX_NAMED) or "packets that are no OSC"
+        if guess and guess.preset.name != self._own:
             product, run = guess.preset.product.partition(" (")[0], command(guess, None, self._place)
-            self._note = f"no frames, but {came}: this looks like {product}: end this and run: {run}"
+            said = [f"this looks like {product}: end this and run: {run}"]
         else:
-            self._note = "; ".join(advice(survey, guess, None))
-
-
-def _lacking(addresses: Sequence[str]) -> list[str]:
-    """Name the joints of which one or two coordinates came in messages of their own, and those that never did."""
-    came = dict[str, set[str]]()
-    for joint, axis in filter(None, map(coordinate_of, addresses)):
-        came.setdefault(joint, set()).add(axis)
-    waits = {joint: " and ".join(sorted({*"xyz"} - axes)) for joint, axes in came.items()}
-    return [f"{joint} waits for {axes}" for joint, axes in waits.items() if axes]
+            said = advice(survey, guess, None)
+        self._note = f"no frames, but {came}: {'; '.join(said)}" if said else ""
 
 
 #: Where the page's process finds its recogniser.

@@ -7,7 +7,7 @@ a .kinerec.
 import argparse
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,9 @@ import numpy as np
 from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_rows, opened
 from kinespace.library.recordings import find_recordings, instead_of_recording, is_recording, labelled, read_recordings
 from kinespace.library.windows.courses import without_course
-from kinespace.stream import Frame
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
-from kinespace.stream.inputs.takes import decoded
+from kinespace.stream.inputs.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.takes import decoded, seen_in
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
 from kinespace.tools.cli.console import NameNotes, console, print_json, progress, say, scores_of
@@ -68,18 +67,12 @@ def run(options: argparse.Namespace) -> None:
 def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
     """Look through a raw recording: its senders with packets, its performers with frames, and whether it is cut off."""
     recording = RawFile(file)
-    senders, performers = Counter[str](), Counter[str]()
-    arrivals = list[float]()
-
-    def noting() -> Iterator[RawPacket]:
-        for packet in progress(recording.packets(), "Reading", None):
-            senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
-            # The first and the last.
-            arrivals[1 if arrivals else 0 :] = [packet.arrival]
-            yield packet
-
-    for _, event in decoded(recording.header, noting(), preset):
-        performers[event.performer] += isinstance(event, Frame)
+    senders, arrivals = Counter[str](), list[float]()
+    for packet in progress(recording.packets(), "Reading", None):
+        senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
+        # The first and the last.
+        arrivals[1 if arrivals else 0 :] = [packet.arrival]
+    seen = seen_in(decoded(recording.header, recording.packets(), preset))
     return {
         "file": str(file),
         "recorded": recording.header.began,
@@ -89,7 +82,7 @@ def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
             name: name in builtin_names() and text == builtin_preset(name).text
             for name, text in recording.header.presets.items()
         },
-        "frames": performers,
+        "frames": {name: each.frames for name, each in seen.items()},
         "damage": recording.damage() or None,
     }
 

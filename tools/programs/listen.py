@@ -6,11 +6,13 @@ feed that the messages resemble; the joints that came, and the joints that recog
 
 import argparse
 import shlex
+from collections.abc import Sequence
 from contextlib import closing, suppress
 
 from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05, summary, unknown_names
+from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
 from kinespace.stream.inputs import FeedSource, OscDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
@@ -23,6 +25,8 @@ from kinespace.tools.cli.values import host_and_port, opening
 
 #: Kinds of messages that are shown, at most.
 _MAX_SHOWN = 40
+#: Joints that wait for a coordinate, and that are named, at most.
+_MAX_NAMED = 3
 #: Seconds of a gap that is reported, at least.
 _GAP_SECONDS = 0.2
 #: Intervals of the message's own rate in a gap that is reported, at least.
@@ -80,10 +84,16 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         return lines
     if survey.undecodable:
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
+    addresses = [kind.address for kind in survey.kinds.values()]
+    if guess is None and not {*addresses}.isdisjoint(OURS):
+        return [*lines, *survey.findings(builtin_preset(NATIVE))[-1]]
+    if waiting := _waiting(addresses):
+        lines.append(f"{', '.join(waiting)}: the sender sends only what changes; let it send all once, or always")
+    elif guess is None:
+        nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
+        lines.append(f"no known feed: kinespace feeds {nearest} > my.toml begins a preset for these addresses")
     if guess is None:
-        if any(kind.address in OURS for kind in survey.kinds.values()):
-            return [*lines, *survey.findings(builtin_preset(NATIVE))[-1]]
-        return [*lines, "no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above"]
+        return lines
     lines += [*_lacking(survey, guess), *_odd(survey, guess)]
     if set(guess.preset.sent).isdisjoint(MotionLibrary.builtin().skeleton.joints):
         lines.append("none of the joints is the built-in library's: build your own library from this feed")
@@ -93,6 +103,15 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         if kind.rate > 1 and kind.longest_gap > max(_GAP_SECONDS, _GAP_INTERVALS / kind.rate)
     ][:3]
     return lines
+
+
+def _waiting(addresses: Sequence[str]) -> list[str]:
+    """Name some joints of which one or two coordinates came in messages of their own, and those that never did."""
+    came = dict[str, set[str]]()
+    for joint, axis in filter(None, map(coordinate_of, addresses)):
+        came.setdefault(joint, set()).add(axis)
+    waits = {joint: " and ".join(sorted({*"xyz"} - axes)) for joint, axes in came.items()}
+    return [f"{joint} waits for {axes}" for joint, axes in waits.items() if axes][:_MAX_NAMED]
 
 
 def _lacking(survey: Survey, guess: Guess) -> list[str]:

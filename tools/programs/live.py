@@ -25,7 +25,7 @@ from kinespace.stream.inputs import Admission, FeedSource
 from kinespace.stream.outputs import LAYOUTS, BodySink, ZmqSink
 from kinespace.stream.outputs.lsl_sink import LSL
 from kinespace.stream.outputs.midi_sink import MIDI, MidiSink
-from kinespace.stream.recognizer import LiveSignature, Performers, Recognizer, SentJoints, Settings
+from kinespace.stream.recognizer import LiveSignature, Performers, SentJoints, Settings
 from kinespace.stream.service.loop import AnySource, Recognising, Service
 from kinespace.stream.service.workers import Gateway, Terms
 from kinespace.stream.teaching.movement import STILLNESS
@@ -203,7 +203,6 @@ def recognisers(options: argparse.Namespace, preset: Preset | None) -> tuple[Rec
     if options.teach:
         lessons = _lessons(options, None if nothing else motions, sent)
         return lessons.performers, lessons
-    _require_room_for(motions, arguments.settings_of(options))
     return _made(options, motions, sent), None
 
 
@@ -217,12 +216,9 @@ def fitted(motions: MotionLibrary, whose: str, joints: Sequence[str]) -> MotionL
     """
     shared, ours = motions.restricted_to(joints), motions.skeleton.joints
     if shared is not motions:
-        further = [name for name in joints if name not in ours]
-        for name in further:
-            if near := meant(name, [*{*ours} - {*joints}]):
-                say(f"{whose}: the library has no joint {name!r}{near}")
-        if further:
-            say(f"{whose}: not compared, because the library lacks them: {', '.join(further)}")
+        if further := [name for name in joints if name not in ours]:
+            named = "; ".join(f"{name}{meant(name, {*ours} - {*joints})}" for name in further)
+            say(f"{whose}: not compared, because the library lacks them: {named}")
         say(f"{whose}: {len(shared.skeleton.joints)} of the library's {len(ours)} joints")
     return shared
 
@@ -233,7 +229,6 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
     def performers(index: WindowIndex, classes: Sequence[str]) -> Recognising:
         covers = set(index.library.skeleton.joints) <= set(sent.assumed)
         joints = replace(sent, assumed=sent.assumed if covers else ())
-        _require_room_for(index, arguments.settings_of(options))
         return _made(options, index, joints, classes)
 
     # People before a camera seldom think of their sides.
@@ -241,16 +236,6 @@ def _lessons(options: argparse.Namespace, motions: MotionLibrary | None, sent: S
     lessons = open_lessons(options.teach, motions, sent.assumed, performers, options.stillness, either_side=either_side)
     lessons.is_loud = options.loud_lessons
     return lessons
-
-
-def _require_room_for(motions: Known, settings: Settings) -> None:
-    """Refuse a window that this machine has no memory for now, not at the first performer's first frame."""
-    try:
-        Recognizer(motions, settings)
-    except MemoryError as error:
-        if settings.window is None:
-            raise
-        raise ValueError(f"--window: expected seconds that memory has room for, got {settings.window:g}") from error
 
 
 def _checked(options: argparse.Namespace, settings: Settings) -> Preset | None:

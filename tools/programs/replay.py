@@ -12,8 +12,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from itertools import chain, count, pairwise
+from itertools import chain, count
 from pathlib import Path
+
+import numpy as np
 
 from kinespace.library import Clip, MotionLibrary, Reading, Skeleton, find_recordings
 from kinespace.library.recordings import RecordingReader, labelled, segments_beside
@@ -80,21 +82,22 @@ def run(options: argparse.Namespace) -> int:
         if is_raw:
             return replay(places[0], _senders(opened, osc_to, zmq_to, keyring), options)
         recordings = recordings_in(places, reading)
-        pieces = pieces_of(recordings, reading, options)
+        read = read_labelled(recordings, reading, options)
         with console.progress_console.status("Reading"):
-            first = next(pieces)
-        played = feed.piece_cues(chain([first], pieces), options.performer, speed=options.speed, pause=options.pause)
+            first = next(read)
+        played = feed.labelled_cues(chain([first], read), options.performer, speed=options.speed, pause=options.pause)
         listener = _listener(options.listen, keyring, to_anybody=options.open) if options.listen else None
         if listener:
             opened.callback(listener.close)
         *_, sender = _senders(opened, osc_to, zmq_to, keyring).values()
-        stream = feed.FrameStream(sender, first.clip.skeleton.joints)
+        stream = feed.FrameStream(sender, first[0].skeleton.joints)
         exchange = Exchange(stream, listener, options.performer, zmq_to.address if zmq_to else osc_to or "")
         # Ctrl-C, or a recording that cannot be read, does not end the report.
         opened.callback(exchange.report, as_json=options.json)
         with suppress(KeyboardInterrupt):
             if not options.json:
-                console.console.print(announced(recordings, options))
+                again = ", again and again" if options.loop else ""
+                console.say(f"sending {console.counted(len(recordings), 'recording')}{again}")
             exchange.play(console.progress(played, "Sending", None))
         in_vain = exchange.reached_nobody
     return 1 if in_vain or (listener and not exchange.answered) else 0
@@ -140,18 +143,9 @@ def _in_place(place: Path) -> Sequence[Path | Clip]:
     return find_recordings([place])
 
 
-def announced(recordings: Sequence[Path | Clip], options: argparse.Namespace) -> str:
-    """Say how much is about to be sent; the seconds only of motions, because files are read while they are sent."""
-    clips = [each for each in recordings if isinstance(each, Clip)]
-    what = console.counted(len(recordings), "motion" if clips else "recording")
-    if len(clips) < len(recordings):
-        return f"sending {what}"
-    lasting = [min(each.duration, options.end or each.duration) - options.begin for each in clips]
-    seconds = (sum(lasting) + options.pause * (len(clips) - 1)) / options.speed
-    return f"sending {what}, {seconds:.0f} s{', again and again' if options.loop else ''}"
-
-
-def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace) -> Iterator[feed.Piece]:
+def read_labelled(
+    recordings: Sequence[Path | Clip], reading: Reading, options: argparse.Namespace
+) -> Iterator[feed.Labelled]:
     """Read the recordings, one after the other, in a loop for ever; all with the first recording's joints."""
     skeleton: Skeleton | None = None
     reader, teller = RecordingReader(reading), console.NameNotes()
@@ -159,7 +153,7 @@ def pieces_of(recordings: Sequence[Path | Clip], reading: Reading, options: argp
         for recording in recordings:
             clip, segments = _read(reader, recording)
             skeleton = skeleton or clip.skeleton
-            yield from _cut(teller(clip).as_of(skeleton), segments, options)
+            yield _cut(teller(clip).as_of(skeleton), segments, options)
         if not options.loop:
             return
 
@@ -172,18 +166,17 @@ def _read(reader: RecordingReader, recording: Path | Clip) -> tuple[Clip, Sequen
     return (clip, segments) if segments else (labelled(clip, recording), ())
 
 
-def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> Iterator[feed.Piece]:
-    """Give the wanted part of a recording in pieces, each of one class: it is divided where labels begin and end."""
+def _cut(clip: Clip, segments: Sequence[Segment], options: argparse.Namespace) -> feed.Labelled:
+    """Give the wanted part of a recording, with the label of each frame's moment, or the recording's class."""
     begin = round(options.begin * clip.frame_rate)
     end = clip.frames if options.end is None else min(round(options.end * clip.frame_rate), clip.frames)
     if begin >= end:
         raise ValueError(f"clip {clip.name!r}: expected --from and --to within its {clip.duration:.2f} s")
-    spans = [(round(each.start * clip.frame_rate), round(each.end * clip.frame_rate), each.label) for each in segments]
-    ends = {place for span in spans for place in span[:2] if begin < place < end}
-    for first, last in pairwise(sorted({begin, end, *ends})):
-        label = next((label for start, stop, label in spans if start <= first < stop), "")
-        piece = replace(clip, positions=clip.positions[first:last], rotations=clip.rotations[first:last])
-        yield feed.Piece(first - begin, replace(piece, class_name=label) if segments else piece)
+    classes = np.full(clip.frames, "" if segments else clip.class_name, dtype=object)
+    for each in segments:
+        classes[round(each.start * clip.frame_rate) : round(each.end * clip.frame_rate)] = each.label
+    part = replace(clip, positions=clip.positions[begin:end], rotations=clip.rotations[begin:end])
+    return part, classes[begin:end].tolist()
 
 
 def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
@@ -221,7 +214,8 @@ def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
                     senders[kind].send(b"".join(packet.parts) if kind == "osc" else packet.parts)  # type: ignore[arg-type]  # of one kind
                 counts["sent" if kind in senders else "left out"] += 1
             if not counts:
-                raise ValueError(_nothing_to_send(recording))
+                why = "; ".join(filter(None, ["got none", recording.damage()]))
+                raise ValueError(f"{path}: expected packets between --from and --to, {why}")
     sent, left_out = counts["sent"], counts["left out"]
     failed, unheard = sum(each.failed for each in senders.values()), sum(each.unheard for each in senders.values())
     if options.json:
@@ -233,15 +227,6 @@ def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
         for line in (f"{sent} packets sent, {counted}", *lost, *filter(None, [recording.damage()])):
             console.say(line)
     return 1 if unheard and unheard >= sent else 0
-
-
-def _nothing_to_send(recording: RawFile) -> str:
-    """Say why a recording, as cut, has no packets."""
-    arrivals = [packet.arrival for packet in recording.packets()]
-    damage = f"; {recording.damage()}" if recording.damage() else ""
-    if not arrivals:
-        return f"{recording.path}: no packets in it{damage}"
-    return f"{recording.path}: expected --from and --to within its {arrivals[-1] - arrivals[0]:.2f} s{damage}"
 
 
 def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:

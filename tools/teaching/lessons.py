@@ -412,7 +412,7 @@ def open_taught(taught: MotionLibrary, without: Collection[str] = (), beside: Wi
     taught
         The examples.
     without
-        Persons of the built-in library whose motions teach no metric: for measuring, with motions of theirs.
+        Persons whose motions in the built-in library teach no metric: for measuring, with motions of theirs.
     beside
         What is known, too; its metrics compare.
 
@@ -421,7 +421,7 @@ def open_taught(taught: MotionLibrary, without: Collection[str] = (), beside: Wi
     ValueError
         No motion is long enough for a window.
     """
-    base = beside or _base(None, taught, (), without)
+    base = beside or _base(None, taught, (), {*without} & {*MotionLibrary.builtin().actors})
     index = TaughtWindows(base, with_base=beside is not None).index_of(_roster_of(taught, base))
     if index is None:
         raise ValueError("taught: expected a motion that is long enough for a window, got none")

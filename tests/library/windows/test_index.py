@@ -70,7 +70,7 @@ def test_who_teaches_a_library(builtin: MotionLibrary, small_library: MotionLibr
     fewer = alone.skeleton.restricted_to(range(20))
     turned = Skeleton(fewer.joints[::-1])
     motions = tuple(clip.restricted_to(fewer.joints).as_of(turned) for clip in alone.motions)
-    for library in (alone.restricted_to(joints_of("kinect20")), MotionLibrary(turned, motions)):
+    for library in (alone.restricted_to(joints_of("kinectv2")), MotionLibrary(turned, motions)):
         taught = teacher_of(library)
         assert taught.actors == builtin.actors
         assert taught.skeleton.joints == library.skeleton.joints

@@ -285,7 +285,6 @@ class _Camera:
 
 def _with_camera(monkeypatch: pytest.MonkeyPatch, read: Callable[[], object], **changed: object) -> None:
     monkeypatch.setattr(film, "Capture", type("Camera", (_Camera,), {"read": lambda _: read(), **changed}))
-    monkeypatch.setattr(film, "_require", lambda _: None)
 
 
 @pytest.mark.usefixtures("camera_extra")
@@ -378,6 +377,7 @@ def test_cameras_that_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(PermissionError, match="camera 0: this user may not use it"):
         film.Film("0", _never, paced=True)
     monkeypatch.undo()
+    monkeypatch.setattr(film, "Path", lambda _: device)
     _with_camera(monkeypatch, lambda: None, is_open=False)
     with pytest.raises(OSError, match="camera 0: gives no picture; another program may have taken it"):
         film.Film("0", _never, paced=True)

@@ -147,4 +147,4 @@ def test_bad_input_is_one_line(line: str, folders: dict[str, Path]) -> None:
 def test_no_table_is_written_over_a_library(options: list[str]) -> None:
     """An output named like a library is a mistake."""
     said = ran("evaluate", *options, "mine.npz")[2]
-    assert "expected a table or a picture, like a.csv or a.png, got 'mine.npz'" in said
+    assert "mine.npz: expected a table or a picture, like a.csv or a.png" in said

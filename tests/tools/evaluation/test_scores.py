@@ -53,11 +53,11 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
         replace(empty, name="two", published=still, contains=(WAVE,), person="ann"),
         replace(empty, name="three", published=once, contains=()),
     ]
-    score = score_courses(takes, CLASSES, 1.0)
-    values = values_of(score.figures)
+    figures, described = score_courses(takes, CLASSES, 1.0)
+    values = values_of(figures)
     assert values["takes_found"] == pytest.approx(1 / 3)
-    assert score.described["containing"] == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
-    assert (score.described["known"]["segments"], score.described["unknown"]["segments"]) == (0, 0)
+    assert described["containing"] == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
+    assert (described["known"]["segments"], described["unknown"]["segments"]) == (0, 0)
     assert values["frame_accuracy"] is None
 
 
@@ -109,12 +109,12 @@ def test_any_course_is_scored_as_a_walk_through_moments(seed: int, takes: int, w
     generator = np.random.default_rng(seed)
     courses = [_random_course(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
     courses = [replace(course, name=f"{place}") for place, course in enumerate(courses)]
-    walked, score = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
-    exact, values = naive_score.stream_score(walked, window, 0.3), values_of(score.figures)
+    walked, (figures, described) = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
+    exact, values = naive_score.stream_score(walked, window, 0.3), values_of(figures)
     assert values.keys() == exact.keys()
     for name, value in exact.items():
         assert values[name] == (None if value is None else pytest.approx(value, rel=1e-9)), name
-    for name, found in score.described["classes"].items():
+    for name, found in described["classes"].items():
         own = [moment for take in walked for moment in take if moment.truth == CLASSES.index(name)]
         inside = [moment for moment in own if moment.time - window >= moment.start]
         shares = [naive_score.time_share(lambda m: m.guess == m.truth, each) for each in (own, inside)]

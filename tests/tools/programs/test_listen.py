@@ -75,6 +75,15 @@ def test_silence_and_foreign_packets_have_messages() -> None:
     assert advice(survey, None, None)[-1].startswith("no known feed")
 
 
+def test_joints_that_wait_for_a_coordinate_are_named() -> None:
+    """A sender that sends only what changes may never send a coordinate that stands still."""
+    survey = Survey()
+    for address in ("/p#/knee_l:ty", "/p#/knee_l:tz", *(f"/p#/head:t{axis}" for axis in "xyz"), "/p#/hand_l/x"):
+        survey.keep(message(address, "f", 0.5), 0.0, ("h", 1))
+    waiting = "/p#/knee_l waits for x, /p#/hand_l waits for y and z: the sender sends only what changes; "
+    assert advice(survey, None, None) == [f"{waiting}let it send all once, or always"]
+
+
 @pytest.mark.slow
 def test_the_program_gives_json() -> None:
     """One object with the feed, its joints and every kind of message; packets come until it ends."""

@@ -17,7 +17,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import Source
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.tools.feeding.service import expected_answers
-from kinespace.tools.programs.ends import Unread, _lacking
+from kinespace.tools.programs.ends import Unread
 from kinespace.tools.programs.live import OSC_OUT
 
 
@@ -124,9 +124,3 @@ def test_a_frame_that_time_completes_is_a_frame() -> None:
         source.tend(10 + number / 20 + 0.04)
     # Until the first frame nothing is known.
     assert asked.kept <= 1
-
-
-def test_joints_that_wait_for_a_coordinate_are_named() -> None:
-    """A sender that sends only what changes may never send a coordinate that stands still."""
-    came = ["/p#/knee_l:ty", "/p#/knee_l:tz", *(f"/p#/head:t{axis}" for axis in "xyz"), "/p#/hand_l/x", "/p#/id"]
-    assert _lacking(came) == ["/p#/knee_l waits for x", "/p#/hand_l waits for y and z"]

@@ -14,8 +14,8 @@ from written import write_clip, write_clips
 
 from kinespace.library import MotionLibrary, Reading, read_recordings
 from kinespace.stream import Announcement, Frame, Recognizer, osc
-from kinespace.tools.feeding.feed import clip_cues, piece_cues
-from kinespace.tools.programs.replay import pieces_of
+from kinespace.tools.feeding.feed import clip_cues, labelled_cues
+from kinespace.tools.programs.replay import read_labelled
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
 
@@ -77,13 +77,13 @@ def test_a_clip_is_sent_as_live_packets(receiver: osc.OscReceiver, take: Path) -
 def test_labels_beside_a_take_give_the_right_class_of_each_moment(take: Path) -> None:
     """Each frame of a take has the class of its label, and no class without one; all frames are sent."""
     take.with_suffix(".csv").write_text("start_s;end_s;label\n0,25;0,5;up\n0,5;1,0;down\n")
-    pieces = list(pieces_of([take], Reading(), course()))
-    classes = [cue.class_name for cue in piece_cues(pieces, "me")]
+    (sent,) = read_labelled([take], Reading(), course())
+    classes = [cue.class_name for cue in labelled_cues([sent], "me")]
     assert classes == [""] * 30 + ["up"] * 30 + ["down"] * 60 + [""] * 60
     (clip,) = read_recordings([take])
-    np.testing.assert_array_equal(np.concatenate([piece.clip.positions for piece in pieces]), clip.positions)
+    np.testing.assert_array_equal(sent[0].positions, clip.positions)
     late = course(begin=0.4, end=0.6)
-    classes = [cue.class_name for cue in piece_cues(pieces_of([take], Reading(), late), "me")]
+    classes = [cue.class_name for cue in labelled_cues(read_labelled([take], Reading(), late), "me")]
     assert classes == ["up"] * 12 + ["down"] * 12
 
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from kinespace.library.recordings.formats.labels import Segment
 from kinespace.stream import EventKind
 from kinespace.tools.cli.values import printable
-from kinespace.tools.evaluation.scores import Course
+from kinespace.tools.evaluation.scores import AnsweredTake
 
 #: The tiers: motions from `start` to `end`, motions that were done, and the labels of the take.
 TIERS = ("started", "done", "performed")
@@ -24,12 +24,12 @@ def is_annotation(path: Path, takes: int) -> bool:
     return path.suffix.lower() in _WRITERS
 
 
-def write_annotations(path: Path, courses: Sequence[Course]) -> None:
+def write_annotations(path: Path, courses: Sequence[AnsweredTake]) -> None:
     """Write what was said of takes, and what was performed, into a file that `is_annotation`."""
     path.write_text(_WRITERS[path.suffix.lower()](courses), encoding="utf-8")
 
 
-def _tiers(course: Course) -> dict[str, list[Segment]]:
+def _tiers(course: AnsweredTake) -> dict[str, list[Segment]]:
     """Give a take's segments by tier; a motion that goes on ends with the take."""
     begun, started, done = dict[str, float](), list[Segment](), list[Segment]()
     for answer in course.answers:
@@ -45,7 +45,7 @@ def _tiers(course: Course) -> dict[str, list[Segment]]:
     return dict(zip(TIERS, (started, done, list(course.segments)), strict=True))
 
 
-def _elan(courses: Sequence[Course]) -> str:
+def _elan(courses: Sequence[AnsweredTake]) -> str:
     (course,) = courses
     root = ET.Element("ANNOTATION_DOCUMENT", AUTHOR="kinespace", FORMAT="3.0", VERSION="3.0")
     root.set("DATE", f"{_DATE}+00:00")
@@ -70,7 +70,7 @@ def _elan(courses: Sequence[Course]) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 
-def _boris(courses: Sequence[Course]) -> str:
+def _boris(courses: Sequence[AnsweredTake]) -> str:
     tiers = [_tiers(course) for course in courses]
     codes = sorted({f"{tier} {each.label}" for own in tiers for tier, some in own.items() for each in some})
     people = sorted({course.person for course in courses} - {""})
@@ -97,7 +97,7 @@ def _boris(courses: Sequence[Course]) -> str:
     return json.dumps(project, indent=1, ensure_ascii=False)
 
 
-def _boris_events(course: Course, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:
+def _boris_events(course: AnsweredTake, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:
     """Give the events of a take: a state event begins with one row and ends with the next of its behaviour."""
     for tier, segments in tiers.items():
         for segment in segments:

@@ -14,7 +14,7 @@ from kinespace.library import WindowIndex, opened
 from kinespace.stream import Settings
 from kinespace.tools.cli.arguments import settings_of
 from kinespace.tools.cli.console import progress, scores_of, tell
-from kinespace.tools.evaluation.harness import Asked, Feed, Take, add_asked, answers_to, asked_of
+from kinespace.tools.evaluation.harness import AskedTake, Feed, Take, add_asked, answers_to, asked_of
 from kinespace.tools.evaluation.words import DoneTake, Said, by_class, said_in, score_done
 
 #: Seconds for which the body stands still behind a take, because a motion is said a moment after its end, and behind a
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> None:
     )
 
 
-def done_take(asked: Asked, settings: Settings) -> DoneTake:
+def done_take(asked: AskedTake, settings: Settings) -> DoneTake:
     """Play a take, and each of its known motions to its half."""
     take, index = asked.take, opened(asked.library)
     whole, broken = DoneTake(take, set(asked.library.classes), _said(take, index, settings)), list[bool]()

@@ -154,7 +154,7 @@ _COLUMNS = (
 )
 
 
-class _Played(NamedTuple):
+class _FaultyTake(NamedTuple):
     """One take with one fault: its answers counted, and when the fault was noticed, seconds; None when it was not."""
 
     take: Take
@@ -174,7 +174,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Play every take with every fault, and print what was answered."""
     settings, (asked, _) = settings_of(options), asked_of(options)
-    played: dict[str, list[_Played]] = {fault: [] for fault in options.fault or FAULTS}
+    played: dict[str, list[_FaultyTake]] = {fault: [] for fault in options.fault or FAULTS}
     for each in progress(asked, "Playing", len(asked)):
         sound = Feed.of(each.take.clip, each.library.skeleton, each.take.delivered)
         step = max(1, round(each.take.clip.frame_rate / _RATE))
@@ -188,7 +188,7 @@ def run(options: argparse.Namespace) -> None:
     tell(options, {"faults": scores}, table)
 
 
-def _played(take: Take, feed: Feed, library: MotionLibrary, settings: Settings) -> _Played:
+def _played(take: Take, feed: Feed, library: MotionLibrary, settings: Settings) -> _FaultyTake:
     """Play a take with a fault; an alarm is a new note on joints, or an answer without joints."""
     recognizer, answers, alarms, note = Recognizer(library, settings), [], [], ""
     for time, answer in pushed(recognizer, feed):
@@ -200,10 +200,10 @@ def _played(take: Take, feed: Feed, library: MotionLibrary, settings: Settings) 
     begun, ended = feed.times[[0, -1]].tolist()
     noticed = alarms[0] - begun if alarms else None
     counts = counted_in(take, library.classes, answers, INSIDE)
-    return _Played(take, counts, noticed, len({*map(int, alarms)}), ended - begun)
+    return _FaultyTake(take, counts, noticed, len({*map(int, alarms)}), ended - begun)
 
 
-def _scored(fault: str, played: Sequence[_Played]) -> dict[str, object]:
+def _scored(fault: str, played: Sequence[_FaultyTake]) -> dict[str, object]:
     """Give the shares of one fault; the seconds until it was noticed in the slowest take, and the seconds of alarm."""
     counts = sum((each.counts for each in played), Counter[str]())
     noticed = [each.noticed for each in played if each.noticed is not None]

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_sources(parser, "the built-in motions, which have no rotations")
     parser.set_defaults(clips=True)
     parser.add_argument("--signature", choices=[*map(str, SignatureKind)], help="default: both")
-    parser.add_argument("--protocol", choices=[*map(str, Protocol)], help="default: all")
+    parser.add_argument("--protocol", choices=[*map(str, RetrievalProtocol)], help="default: all")
     text = "write a row for each motion and comparison: the two nearest, their products, and whether they are right"
     parser.add_argument("--answers", type=Path, metavar="CSV", help=text)
     text = "draw the confusion matrices of the three spaces (.png, .svg, .pdf; needs the extra `pictures`)"
@@ -55,8 +55,10 @@ def run(options: argparse.Namespace) -> None:
     labels = Labels(np.array([clip.class_name for clip in clips]), np.array([clip.actor for clip in clips]))
     ways = _ways(clips, options.signature)
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
-    protocols = [Protocol(options.protocol)] if options.protocol else _protocols(clips)
-    if Protocol.LEAVE_ONE_OUT not in protocols and (unnamed := [clip.name for clip in clips if not clip.actor]):
+    protocols = [RetrievalProtocol(options.protocol)] if options.protocol else _protocols(clips)
+    if RetrievalProtocol.LEAVE_ONE_OUT not in protocols and (
+        unnamed := [clip.name for clip in clips if not clip.actor]
+    ):
         raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
     scores, rows = list[dict[str, Any]](), list[dict[str, Any]]()
     # The paper's conclusion shows where the person is held out, to the letter of the paper.
@@ -79,13 +81,13 @@ def run(options: argparse.Namespace) -> None:
     console.tell(options, scores, *_shown(clips, scores), *_confusions(labels, matrices, how))
 
 
-def _protocols(clips: Sequence[Clip]) -> list[Protocol]:
+def _protocols(clips: Sequence[Clip]) -> list[RetrievalProtocol]:
     """List the protocols that the known actors allow."""
     actors, library = {clip.actor for clip in clips}, set(SPLIT_LIBRARY_ACTORS)
     if len(actors) < 2 or "" in actors:
-        return [Protocol.LEAVE_ONE_OUT]
+        return [RetrievalProtocol.LEAVE_ONE_OUT]
     divided = actors & library and actors - library
-    return [*Protocol] if divided else [Protocol.LEAVE_ONE_OUT, Protocol.ACTOR_HELD_OUT]
+    return [*RetrievalProtocol] if divided else [RetrievalProtocol.LEAVE_ONE_OUT, RetrievalProtocol.ACTOR_HELD_OUT]
 
 
 def _ways(clips: Sequence[Clip], signature: str | None) -> list[tuple[Space, SignatureKind]]:
@@ -114,10 +116,10 @@ def _scored(clips: Sequence[Clip], found: Retrieval, labels: Labels) -> dict[str
     }
 
 
-def _of_splits(products: NDArray[np.floating], labels: Labels, protocol: Protocol) -> dict[str, Any]:
+def _of_splits(products: NDArray[np.floating], labels: Labels, protocol: RetrievalProtocol) -> dict[str, Any]:
     """Give the mean and the worst of five actors' ten splits."""
     actors = sorted({*labels.actors.tolist()})
-    if protocol is not Protocol.SPLIT or len(actors) != _ACTORS:
+    if protocol is not RetrievalProtocol.SPLIT or len(actors) != _ACTORS:
         return {"splits": None}
     shares = dict[tuple[str, ...], float]()
     for library in combinations(actors, len(SPLIT_LIBRARY_ACTORS)):
@@ -201,7 +203,7 @@ class SignatureKind(StrEnum):
     RAW = "raw"
 
 
-class Protocol(StrEnum):
+class RetrievalProtocol(StrEnum):
     """The motions with which a motion may be compared."""
 
     LEAVE_ONE_OUT = "leave-one-out"
@@ -278,7 +280,7 @@ def _frame_rows(clip: Clip, space: Space) -> NDArray[np.float64]:
 
 
 def candidates(
-    labels: Labels, protocol: Protocol, library_actors: Sequence[str] = SPLIT_LIBRARY_ACTORS
+    labels: Labels, protocol: RetrievalProtocol, library_actors: Sequence[str] = SPLIT_LIBRARY_ACTORS
 ) -> NDArray[np.bool_]:
     """Say which motions (columns) each motion (rows) may find, shape (motions, motions); an empty row does not ask.
 
@@ -289,11 +291,11 @@ def candidates(
     protocol
         Which motions may be compared with which.
     library_actors
-        The actors whose motions make the library of `Protocol.SPLIT`.
+        The actors whose motions make the library of `RetrievalProtocol.SPLIT`.
     """
-    if protocol is Protocol.LEAVE_ONE_OUT:
+    if protocol is RetrievalProtocol.LEAVE_ONE_OUT:
         return ~np.eye(len(labels.actors), dtype=bool)
-    if protocol is Protocol.ACTOR_HELD_OUT:
+    if protocol is RetrievalProtocol.ACTOR_HELD_OUT:
         return np.not_equal.outer(labels.actors, labels.actors)
     in_library = np.isin(labels.actors, library_actors)
     return ~in_library[:, None] & in_library[None, :]

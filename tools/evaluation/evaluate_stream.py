@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> None:
 
 def course(
     take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings
-) -> scores.Course:
+) -> scores.AnsweredTake:
     """Push a take through the recogniser, frame by frame, and compare its answers with the labels.
 
     Parameters
@@ -98,7 +98,7 @@ def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | W
 
 
 def _by_person(
-    asked: Sequence[harness.Asked], courses: Sequence[scores.Course], classes: Sequence[str]
+    asked: Sequence[harness.AskedTake], courses: Sequence[scores.AnsweredTake], classes: Sequence[str]
 ) -> dict[str, _Values]:
     """Score the takes of each person's fold separately, if folds are persons'."""
     values = dict[str, _Values]()

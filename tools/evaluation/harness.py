@@ -244,7 +244,7 @@ class Protocol(StrEnum):
     ONE_PERSON = "one-person"
 
 
-class Asked(NamedTuple):
+class AskedTake(NamedTuple):
     """A take, and the library that recognises it.
 
     Attributes
@@ -263,7 +263,7 @@ class Asked(NamedTuple):
     person: str = ""
 
 
-def asked_by(takes: Sequence[Take], protocol: Protocol, *, either_side: bool = False) -> list[Asked]:
+def asked_by(takes: Sequence[Take], protocol: Protocol, *, either_side: bool = False) -> list[AskedTake]:
     """Make the libraries of a protocol, and say which recognises which take; takes of one library come together.
 
     Takes without labels are recognised by every library of the protocol that has no motions of their person; where one
@@ -294,17 +294,17 @@ def asked_by(takes: Sequence[Take], protocol: Protocol, *, either_side: bool = F
     if len(ones) < 2:
         what = "takes" if by_take else "persons"
         raise ValueError(f"--protocol {protocol}: expected at least two labelled {what}, got {len(ones) or 'none'}")
-    asked = list[Asked]()
+    asked = list[AskedTake]()
     for one in ones:
         own = [take for take in every if whose[id(take)] == one]
         rest = [take for take in every if whose[id(take)] != one]
         teaching, asking = (own, rest) if protocol is Protocol.ONE_PERSON else (rest, own)
         made = _library(teaching, either_side=either_side)
-        asked += [Asked(take, made, "" if by_take else one) for take in asking]
+        asked += [AskedTake(take, made, "" if by_take else one) for take in asking]
     strangers = [take for take in every if whose[id(take)] not in ones]
     if strangers and protocol is not Protocol.ONE_PERSON:
         made = _library(labelled, either_side=either_side)
-        asked += [Asked(take, made) for take in strangers]
+        asked += [AskedTake(take, made) for take in strangers]
     return asked
 
 
@@ -403,7 +403,7 @@ def protocol_of(options: argparse.Namespace) -> Protocol:
     return Protocol(options.protocol or (Protocol.LIBRARY if given else Protocol.LEAVE_ONE_PERSON_OUT))
 
 
-def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]:
+def asked_of(options: argparse.Namespace) -> tuple[list[AskedTake], tuple[str, ...]]:
     """Say which library recognises which take, over the joints that all have.
 
     Returns
@@ -426,7 +426,7 @@ def asked_of(options: argparse.Namespace) -> tuple[list[Asked], tuple[str, ...]]
     takes = [replace(take, clip=take.clip.restricted_to(joints)) for take in takes]
     if given and protocol is Protocol.LIBRARY:
         library = given.restricted_to(joints)
-        asked = [Asked(take, library) for take in takes]
+        asked = [AskedTake(take, library) for take in takes]
     else:
         asked = asked_by(takes, protocol, either_side=options.either_side)
     classes = tuple(sorted({name for each in asked for name in each.library.classes}))

@@ -76,7 +76,7 @@ _SHAPE = 2 * len(ACROSS_LABORATORIES.groups)
 Evidenced = list[tuple[Evidence, str]]
 
 
-class Lesson(NamedTuple):
+class WeighedWindows(NamedTuple):
     """Windows that are known, or are not, and their weight together."""
 
     windows: Evidenced
@@ -99,7 +99,7 @@ class _Own(NamedTuple):
         return [each for each in (*self.windows[_BEGUN:], *self.following[_BEGUN:]) if each[1] == self.class_name]
 
 
-class _Course(NamedTuple):
+class _TakeWindows(NamedTuple):
     """The windows of one take, every `_HOP` seconds."""
 
     take: Take
@@ -114,7 +114,7 @@ class _Course(NamedTuple):
         return [window for window in self.windows if window[1] in self.take.contains]
 
 
-class _Seen(NamedTuple):
+class _Looks(NamedTuple):
     """What a library of some joints saw: its own motions, takes with all joints of the whole library, and with fewer.
 
     Evidence is relative to what is typical of the library.
@@ -122,12 +122,12 @@ class _Seen(NamedTuple):
 
     opened: WindowIndex
     own: list[_Own]
-    whole: list[_Course]
-    fewer: list[_Course]
+    whole: list[_TakeWindows]
+    fewer: list[_TakeWindows]
 
 
 #: Takes, each with the numbers that judge it.
-_Judged = Sequence[tuple[_Course, Rejection]]
+_Judged = Sequence[tuple[_TakeWindows, Rejection]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -228,17 +228,19 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     return np.array(means, dtype=np.float16)
 
 
-def _seen_by(library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool) -> _Seen:
+def _seen_by(
+    library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool
+) -> _Looks:
     """Let a library recognise its own motions, perhaps behind others, too, and takes that have all of its joints."""
     opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
     index = _asked(opened, typical_evidence(opened))
     shown = progress([*whole, *fewer], "Strangers", len(whole) + len(fewer))
-    courses = [_Course(take, _windows(index, take.clip.over(library.skeleton))) for take in shown]
-    return _Seen(index, _own_courses(index, follow=follow), courses[: len(whole)], courses[len(whole) :])
+    courses = [_TakeWindows(take, _windows(index, take.clip.over(library.skeleton))) for take in shown]
+    return _Looks(index, _own_courses(index, follow=follow), courses[: len(whole)], courses[len(whole) :])
 
 
 def _learned(
-    classes: Sequence[str], bodies: Sequence[_Seen], clean: Sequence[_Own], over: float
+    classes: Sequence[str], bodies: Sequence[_Looks], clean: Sequence[_Own], over: float
 ) -> tuple[Rejection, _Judged]:
     """Learn numbers for some bodies: no more unknown time of any of them is named than a threshold says.
 
@@ -360,7 +362,7 @@ def _relative(evidence: Evidence, typical: NDArray[np.float64]) -> Evidence:
     return Evidence(tuple(distances.tolist()), tuple(leads.tolist()), evidence.noise)
 
 
-def _fitted_apart(courses: Sequence[_Course], fit: Callable[[Collection[str]], Rejection]) -> _Judged:
+def _fitted_apart(courses: Sequence[_TakeWindows], fit: Callable[[Collection[str]], Rejection]) -> _Judged:
     """Pair each take with a rejection that is fitted without the takes of some persons, its own among them."""
     people = sorted({each.take.person for each in courses})
     if len(people) < 2:
@@ -370,20 +372,20 @@ def _fitted_apart(courses: Sequence[_Course], fit: Callable[[Collection[str]], R
     return [(each, fitted) for fold, fitted in fits for each in courses if each.take.person in fold]
 
 
-def _own_lessons(own: Sequence[_Own]) -> list[Lesson]:
+def _own_lessons(own: Sequence[_Own]) -> list[WeighedWindows]:
     """Take the library's own motions as known and, their class left out, as unknown; each class counts alike."""
-    lessons = list[Lesson]()
+    lessons = list[WeighedWindows]()
     for noise, name in product(_NOISES, sorted({each.class_name for each in own})):
         motions = [each for each in own if (each.noise, each.class_name) == (noise, name)]
         right = [window for each in motions for window in each.right()]
-        lessons.append(Lesson(right, is_known=True, weight=_NOISES[noise]))
+        lessons.append(WeighedWindows(right, is_known=True, weight=_NOISES[noise]))
         left_out = [window for each in motions for window in each.left_out]
-        lessons.append(Lesson(left_out, is_known=False, weight=_LEFT_OUT_COUNT))
+        lessons.append(WeighedWindows(left_out, is_known=False, weight=_LEFT_OUT_COUNT))
     classes = len(lessons) / (2 * len(_NOISES))
     return [lesson._replace(weight=lesson.weight / classes) for lesson in lessons]
 
 
-def _lessons(courses: Sequence[_Course], without: Collection[str]) -> list[Lesson]:
+def _lessons(courses: Sequence[_TakeWindows], without: Collection[str]) -> list[WeighedWindows]:
     """Take strangers' takes as unknown and as known, without some persons' takes; each class performed counts alike."""
     courses = [each for each in courses if each.take.person not in without]
     unknown = [window for each in courses if each.is_unknown for window in each.windows]
@@ -391,8 +393,8 @@ def _lessons(courses: Sequence[_Course], without: Collection[str]) -> list[Lesso
     for window in (window for each in courses for window in each.known()):
         known[window[1]].append(window)
     weight = _STRANGERS_COUNT / max(len(known), 1)
-    lessons = [Lesson(windows, is_known=True, weight=weight) for windows in known.values()]
-    return [*lessons, Lesson(unknown, is_known=False, weight=1.0)]
+    lessons = [WeighedWindows(windows, is_known=True, weight=weight) for windows in known.values()]
+    return [*lessons, WeighedWindows(unknown, is_known=False, weight=1.0)]
 
 
 def _raised(rejection: Rejection, own: Sequence[_Own], threshold: float) -> Rejection:
@@ -415,7 +417,7 @@ def _highest(rejection: Rejection, name: str, windows: Evidenced) -> float:
     return highest
 
 
-def fitted(lessons: Sequence[Lesson], class_names: Sequence[str], over: float) -> Rejection:
+def fitted(lessons: Sequence[WeighedWindows], class_names: Sequence[str], over: float) -> Rejection:
     """Fit a logistic function that separates known windows from unknown ones; thresholds are not set yet.
 
     Parameters

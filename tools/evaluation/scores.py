@@ -196,7 +196,7 @@ LASTING = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class AnsweredTake:
     """One take: the motion performed and the answer given, at the time of every frame.
 
     Attributes
@@ -267,7 +267,7 @@ def course_of(
     *,
     classes: Sequence[str],
     known: Collection[str],
-) -> Course:
+) -> AnsweredTake:
     """Put the motions performed and the answers together, at every frame's time.
 
     Parameters
@@ -295,7 +295,7 @@ def course_of(
     guesses = [NONE if (guess := guess_of(each)) is None else places[guess] for each in recognitions]
     published = [NONE if each.class_name is None else places[each.class_name] for each in recognitions]
     last_event = np.searchsorted([each.time for each in events], times, side="right") - 1
-    return Course(
+    return AnsweredTake(
         name=take.clip.name,
         times=times,
         segments=segments,
@@ -317,7 +317,7 @@ def _held(values: Sequence[float], last: NDArray[np.intp], before: float) -> NDA
     return np.array([*values, before])[np.where(last < 0, len(values), last)]
 
 
-class Stretch(NamedTuple):
+class AnsweredSegment(NamedTuple):
     """One segment of one take, with the answers of one recogniser.
 
     Attributes
@@ -378,7 +378,7 @@ class Stretch(NamedTuple):
         return 2 * self.right > self.seconds * (1 + 1e-9)
 
 
-def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
+def stretches_of(courses: Sequence[AnsweredTake], window: float) -> Iterator[AnsweredSegment]:
     """Count in every segment of some takes.
 
     Parameters
@@ -404,7 +404,7 @@ def stretches_of(courses: Sequence[Course], window: float) -> Iterator[Stretch]:
             going_on = np.flatnonzero(course.event[frames] == truth) if known else frames[:0]
             again = index > 0 and course.segments[index - 1].label == segment.label
             delay = None if first is None or again else float(times[first] - segment.start)
-            yield Stretch(
+            yield AnsweredSegment(
                 key=(course.name, index),
                 person=course.person,
                 segment=segment,
@@ -440,7 +440,7 @@ def _first_lasting(right: NDArray[np.bool_], times: NDArray[np.float64]) -> int 
     return None
 
 
-def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[dict[str, Any]]:
+def answer_rows(courses: Sequence[AnsweredTake], classes: Sequence[str]) -> Iterator[dict[str, Any]]:
     """Give a row for each answer: take, person, the class performed, the label of its segment, and the answer.
 
     `truth` is empty where the library does not know what is performed, or no label says it; scores of classes that the
@@ -462,7 +462,7 @@ def answer_rows(courses: Sequence[Course], classes: Sequence[str]) -> Iterator[d
             }
 
 
-def segment_rows(courses: Sequence[Course], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
+def segment_rows(courses: Sequence[AnsweredTake], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
     """Give a row for each segment: take, person, times, the class performed, and how it was answered; shares of time.
 
     `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came, and
@@ -501,7 +501,7 @@ def _cell(value: object) -> object:
 
 _Item = TypeVar("_Item")
 #: Of each unit the stretches: a segment has one for each library that was asked.
-_Stretches = Sequence[Sequence[Stretch]]
+_Stretches = Sequence[Sequence[AnsweredSegment]]
 #: Counts in a stretch, or in a take.
 _Counted = Callable[[_Item], float]
 _seconds = attrgetter("seconds")
@@ -521,7 +521,7 @@ def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
 
 
 def score_courses(
-    courses: Sequence[Course], classes: Sequence[str], window: float
+    courses: Sequence[AnsweredTake], classes: Sequence[str], window: float
 ) -> tuple[dict[str, Figure], dict[str, Mapping[str, Any]]]:
     """Score some takes together: how right the answers were.
 
@@ -586,7 +586,7 @@ def _ratio(
     return ratio(above, below, scale, persons=(_persons(units),))
 
 
-def _percentile(units: _Stretches, measured: Callable[[Stretch], float | None], percent: float) -> Figure:
+def _percentile(units: _Stretches, measured: Callable[[AnsweredSegment], float | None], percent: float) -> Figure:
     """Take a percentile of a number over the stretches that have it."""
     values = [[value for each in unit if (value := measured(each)) is not None] for unit in units]
     return percentile(values, percent, persons=(_persons(units),))
@@ -596,7 +596,7 @@ def _scores(units: _Stretches) -> list[NDArray[np.float64]]:
     return [np.concatenate([each.scores for each in unit]) for unit in units]
 
 
-def _basis(units: Sequence[Sequence[Stretch | Course]]) -> Basis:
+def _basis(units: Sequence[Sequence[AnsweredSegment | AnsweredTake]]) -> Basis:
     return basis_of([unit[0].seconds for unit in units], _persons(units))
 
 
@@ -604,7 +604,7 @@ def _persons(units: Sequence[Sequence[Any]]) -> list[str]:
     return [unit[0].person for unit in units]
 
 
-def _found(course: Course) -> int:
+def _found(course: AnsweredTake) -> int:
     """Count the classes of a take that were named at some time."""
     return len({*course.contains} & {*course.published.tolist()})
 

@@ -152,7 +152,7 @@ COLUMNS = (
 )
 
 
-class Verdict(NamedTuple):
+class Judgement(NamedTuple):
     """A word, the gesture that it is matched with or in whose time it was said, and whether it is right.
 
     None: said in no gesture's time; the word counts neither way.
@@ -180,9 +180,9 @@ class Span(NamedTuple):
     late: float = 0.0
     commands: bool = False
 
-    def judged(self, said: Iterable[Said], segments: Sequence[Segment]) -> list[Verdict]:
+    def judged(self, said: Iterable[Said], segments: Sequence[Segment]) -> list[Judgement]:
         """Match words with gestures, in the order of time: the first right word finds a gesture, a second is false."""
-        verdicts, found = list[Verdict](), set["Segment"]()
+        verdicts, found = list[Judgement](), set["Segment"]()
         for word in sorted(said, key=lambda each: each.at):
             since, until = word.at + self.early + _ROUNDED, word.at - self.late + _ROUNDED
             near = [each for each in segments if each.start <= since and until < each.end]
@@ -190,7 +190,7 @@ class Span(NamedTuple):
             if own:
                 found.add(own)
             right = own is not None if near or not self.commands else None
-            verdicts.append(Verdict(word, own or next(iter(near), None), right))
+            verdicts.append(Judgement(word, own or next(iter(near), None), right))
         return verdicts
 
 
@@ -226,7 +226,7 @@ class Heard:
     so_far: int = 0
 
     @cached_property
-    def verdicts(self) -> dict[str, list[Verdict]]:
+    def verdicts(self) -> dict[str, list[Judgement]]:
         """The words of each kind, matched with the gestures."""
         return {kind: self.spans[kind].judged(self.said[kind], self.segments) for kind in KINDS}
 

@@ -32,7 +32,7 @@ def _column(label: str, kind: str) -> str:
     return f"{label} {kind[-1]}" if _POSITION.fullmatch(kind) else label
 
 
-class Layout(NamedTuple):
+class StreamJoints(NamedTuple):
     """The joints of a stream, the channels of each one's x, y and z, shape (joints, 3), and its unit in metres."""
 
     joints: tuple[str, ...]
@@ -40,7 +40,7 @@ class Layout(NamedTuple):
     metres: float
 
     @classmethod
-    def of(cls, labels: Sequence[str], types: Sequence[str], units: Sequence[str]) -> "Layout":
+    def of(cls, labels: Sequence[str], types: Sequence[str], units: Sequence[str]) -> "StreamJoints":
         """Read the descriptions of a stream's channels as a table's columns, each empty where the stream says nothing.
 
         Raises
@@ -87,7 +87,7 @@ class LslFeed:
         info = self._inlet.info(timeout=_FOUND_WITHIN)
         described = (info.get_channel_labels(), info.get_channel_types(), info.get_channel_units())
         blank = [""] * info.channel_count()
-        self.layout = Layout.of(*([text or "" for text in each] if each else blank for each in described))
+        self.layout = StreamJoints.of(*([text or "" for text in each] if each else blank for each in described))
         self._name, self._sender = name, OscFrameSender(host, port)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="kinespace LSL", daemon=True)

@@ -36,7 +36,7 @@ _MAX_WAIT = 100
 _SAME_SCORE = 1e-5
 
 
-class Received(NamedTuple):
+class ReceivedPacket(NamedTuple):
     """A packet, the receiver it came in on, and the `time.perf_counter` reading when it did."""
 
     receiver: Receiver
@@ -59,16 +59,16 @@ class Listener:
         for receiver in receivers:
             self._poller.register(receiver.socket, zmq.POLLIN)
 
-    def listen_until(self, moment: float) -> list[Received]:
+    def listen_until(self, moment: float) -> list[ReceivedPacket]:
         """Collect packets until a `time.perf_counter` reading; at least once, even when that is past."""
-        received = list[Received]()
+        received = list[ReceivedPacket]()
         while True:
             check_interrupted()
             remaining = moment - time.perf_counter()
             if self._poller.poll(min(_MAX_WAIT, max(0, int(remaining * 1000)))):
                 for receiver in self._receivers:
                     while (packet := receiver.receive()) is not None:
-                        received.append(Received(receiver, packet, time.perf_counter()))
+                        received.append(ReceivedPacket(receiver, packet, time.perf_counter()))
             elif remaining <= 0:
                 return received
             elif remaining < 1e-3:
@@ -99,12 +99,12 @@ class Played(NamedTuple):
 
     begun: float
     sent: list[list[float]]
-    received: list[Received]
+    received: list[ReceivedPacket]
 
 
 def play(cues: Iterable[Cue], senders: Sequence[FrameSender], listener: Listener, apart: float = 0.0) -> Played:
     """Send every frame when it is due, by further senders so many seconds apart; collect all that comes back."""
-    pace, sent, received = Pace(), [list[float]() for _ in senders], list[Received]()
+    pace, sent, received = Pace(), [list[float]() for _ in senders], list[ReceivedPacket]()
     for cue in cues:
         packets = [sender.encode(cue.frame) for sender in senders]
         for place, (sender, packet) in enumerate(zip(senders, packets, strict=True)):

@@ -80,7 +80,7 @@ def performers_a_core(core_us: float) -> float:
     return 1e6 / FRAME_RATE / core_us if core_us else math.nan
 
 
-class Measured(NamedTuple):
+class Measurement(NamedTuple):
     """The results of a part: its figures by name, NaN for a figure that was not measured, and its tables."""
 
     figures: dict[str, float]
@@ -128,7 +128,7 @@ ROUNDS = 9
 clock = time.thread_time if time.get_clock_info("thread_time").resolution <= 1e-6 else time.perf_counter
 
 
-def measure_stages(_: float) -> Measured:
+def measure_stages(_: float) -> Measurement:
     """Time every step on recorded frames, compiled and with numpy alone: medians of rounds of four seconds of feed."""
     library, played = MotionLibrary.builtin(), positions()
     transports = _transports(library, played)
@@ -141,7 +141,7 @@ def measure_stages(_: float) -> Measured:
     rows = [(name, f"{us[name]:.1f}", "") for name in transports]
     rows += [(name, f"{us[name]:.1f}", f"{us[name + _NUMPY]:.1f}") for name in RECOGNISING]
     table = table_of("From packet to answer, µs a frame", ("step", "compiled", "numpy"), rows)
-    return Measured(figures | {"frames_per_second": 1e6 / us["recognise"]}, [table])
+    return Measurement(figures | {"frames_per_second": 1e6 / us["recognise"]}, [table])
 
 
 def _transports(library: MotionLibrary, positions: NDArray[np.float32]) -> dict[str, Job]:
@@ -243,7 +243,7 @@ _CROWD_SECONDS = 8.0
 _MISSING = 0.01
 
 
-def measure_sockets(seconds: float) -> Measured:
+def measure_sockets(seconds: float) -> Measurement:
     """Measure latencies, an echo's, and a crowd's cost, by OSC and by ZeroMQ, in runs of some seconds."""
     runs = [(transport, rate) for transport in TRANSPORTS for rate in RATES]
     played = progress(runs, "Latency", len(runs))
@@ -264,7 +264,7 @@ def measure_sockets(seconds: float) -> Measured:
         for (transport, echo), (core_us, missing) in loads.items()
     ]
     made = table_of(title, ("", "µs a frame", "performers", "answers missing"), rows)
-    return Measured(figures, [latency.table_for(latencies), made])
+    return Measurement(figures, [latency.table_for(latencies), made])
 
 
 def load(cues: Sequence[Cue], due: int, transport: Transport, echo: bool) -> tuple[float, int]:  # noqa: FBT001 - as the rows are named

@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     cues = list(clip_cues(motions, PERFORMER, pause=_PAUSE))
     expected = service.expected_answers(cues, library, settings)
     watched = console.is_terminal and not options.json
-    show = _Show([motion.class_name for motion in motions], expected, options.transport)
+    show = _Demo([motion.class_name for motion in motions], expected, options.transport)
     with (
         service.background_service(options.transport, library=library, settings=settings) as background,
         Live(console=console, auto_refresh=False) if watched else nullcontext() as live,
@@ -84,7 +84,7 @@ def chosen(library: MotionLibrary) -> list[Clip]:
     return motions
 
 
-class _Show:
+class _Demo:
     """The motions played so far, their answers, and their table."""
 
     def __init__(
@@ -105,7 +105,7 @@ class _Show:
         """How many answers to the frames sent have not come, and are waited for."""
         return bisect_left(self._answered, len(self.sent)) - self.came - self.given_up
 
-    def take_in(self, received: Sequence[service.Received]) -> bool:
+    def take_in(self, received: Sequence[service.ReceivedPacket]) -> bool:
         """Note the answers that came; say whether there were any that were expected."""
         news = False
         for each in received:
@@ -172,7 +172,9 @@ class _Show:
         )
 
 
-def _play(cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, show: _Show, live: Live | None) -> None:
+def _play(
+    cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, show: _Demo, live: Live | None
+) -> None:
     """Play the motions, and draw the table after answers where there is a terminal."""
     pace, patience = Pace(), _PATIENCE
     for cue in cues:
@@ -190,7 +192,7 @@ def _play(cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, 
         live.update(show.table(console.width), refresh=True)
 
 
-def _wait(listener: service.Listener, show: _Show, most: int, patience: float) -> float:
+def _wait(listener: service.Listener, show: _Demo, most: int, patience: float) -> float:
     """Wait until no more than some answers are owed, or nothing came for too long; give the patience that is left.
 
     Who says nothing is not waited for again: the demo ends soon.

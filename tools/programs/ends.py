@@ -44,7 +44,7 @@ _AGAIN = 10.0
 _MAX_NAMED = 3
 
 
-class Unread:
+class UnreadPort:
     """Says what the packets of one port look like while no frame comes of them.
 
     Parameters
@@ -240,7 +240,7 @@ def _source(receiver: Receiver, preset: Preset | None, sender: str, admission: A
     else:
         source = Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), admission)
     if isinstance(receiver, osc.OscReceiver):
-        source.unread = Unread(receiver.address, preset)
+        source.unread = UnreadPort(receiver.address, preset)
     return source
 
 

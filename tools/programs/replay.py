@@ -26,7 +26,7 @@ from kinespace.stream.zeromq import Endpoint, Keyring
 from kinespace.tools.cli import arguments, console
 from kinespace.tools.cli.values import host_and_port, opening
 from kinespace.tools.feeding import feed
-from kinespace.tools.feeding.service import Listener, Received, answer_in, classes_in
+from kinespace.tools.feeding.service import Listener, ReceivedPacket, answer_in, classes_in
 
 #: Seconds for ZeroMQ peers to connect before the first frame; a peer that connects later loses the first messages.
 _MEETING = 0.5
@@ -293,7 +293,7 @@ class Exchange:
             if not self._take_in(self._listener.listen_until(time.perf_counter() + _LINGER)):
                 break
 
-    def _take_in(self, received: Sequence[Received]) -> bool:
+    def _take_in(self, received: Sequence[ReceivedPacket]) -> bool:
         """Count the answers that came; say whether one about our performer was among them."""
         self._received += len(received)
         before = self._answers.total()

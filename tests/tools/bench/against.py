@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinespace.tools.cli.console import console, progress, table_of
-from kinespace.tools.programs.bench import COSTS, Measured, shown
+from kinespace.tools.programs.bench import COSTS, Measurement, shown
 
 #: Turns of each version, and draws of turns from which an interval is taken.
 TURNS, _DRAWS = 6, 2000
@@ -23,7 +23,7 @@ _HERE = Path(__file__).parents[3]
 _MEASURE = "import sys; from kinespace.tools.cli.entry import main; sys.argv[1:]=['bench', 'stages', '--json']; main()"
 
 
-def measure(commit: str) -> Measured:
+def measure(commit: str) -> Measurement:
     """Measure stages of both versions by turns; give the ratio of each figure with its 95 % interval.
 
     Raises
@@ -42,7 +42,7 @@ def measure(commit: str) -> Measured:
         middle = f"{ratios[f'{name}_ratio']:.2f} ({low:.2f} to {high:.2f})"
         rows.append((name, shown(float(np.median(theirs)), 1), shown(float(np.median(ours)), 1), middle))
     title = f"This version against {commit}, medians of {TURNS} turns"
-    return Measured(ratios, [table_of(title, ("", "before", "now", "ratio (95 %)"), rows)])
+    return Measurement(ratios, [table_of(title, ("", "before", "now", "ratio (95 %)"), rows)])
 
 
 def _ratio(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -21,8 +21,16 @@ from kinespace.stream import Done, Event, EventKind, Outcome, Recognition
 from kinespace.tools.evaluation.annotations import is_annotation, write_annotations
 from kinespace.tools.evaluation.evaluate_faults import FAULTS, LEFT_ARM
 from kinespace.tools.evaluation.evaluate_teach import Reply, scored
-from kinespace.tools.evaluation.harness import Asked, Feed, Protocol, Take, asked_by
-from kinespace.tools.evaluation.scores import Course, course_of, percentile, ratio, roc_area, score_courses, values_of
+from kinespace.tools.evaluation.harness import AskedTake, Feed, Protocol, Take, asked_by
+from kinespace.tools.evaluation.scores import (
+    AnsweredTake,
+    course_of,
+    percentile,
+    ratio,
+    roc_area,
+    score_courses,
+    values_of,
+)
 from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
 
 CLASSES = ("bow", "jump", "wave")
@@ -64,7 +72,7 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
 # --- against the twin --------------------------------------------------------------------------------------------
 
 
-def _random_course(generator: np.random.Generator, frames: int, most_apart: int = 1) -> Course:
+def _random_course(generator: np.random.Generator, frames: int, most_apart: int = 1) -> AnsweredTake:
     """Make a course whose frames are a thirtieth of a second apart, or up to so many."""
     times = np.cumsum(generator.integers(1, most_apart + 1, frames)) / 30
     edges = np.sort(generator.choice(times, size=12, replace=False)) + 0.005 * (most_apart - 1)
@@ -82,10 +90,12 @@ def _random_course(generator: np.random.Generator, frames: int, most_apart: int 
 
     score = np.round(generator.random(frames) + 0.1 * (truth >= 0), 2)
     score[:10] = np.nan
-    return Course("random", times, segments, truth, segment, flickering(0.7), flickering(0.6), flickering(0.8), score)
+    return AnsweredTake(
+        "random", times, segments, truth, segment, flickering(0.7), flickering(0.6), flickering(0.8), score
+    )
 
 
-def _moments(course: Course) -> list[Moment]:
+def _moments(course: AnsweredTake) -> list[Moment]:
     untils = [*course.times[1:].tolist(), course.times[-1] + course.seconds / (len(course.times) - 1)]
     tracks = (course.times, course.segment, course.truth, course.guess, course.published, course.event, course.score)
     moments = list[Moment]()
@@ -149,7 +159,7 @@ def test_a_course_holds_each_answer_until_the_next() -> None:
 
 def _laid_out(
     recognitions: Sequence[Recognition], known: Sequence[str] = CLASSES, segments: Sequence[Segment] = SEGMENTS
-) -> Course:
+) -> AnsweredTake:
     clip = replace(stick_clip("bow", frames=len(TIMES)), name="take", actor="")
     take = Take(clip, tuple(segments), contains=() if segments else ("wave", "bow"))
     return course_of(take, TIMES, recognitions, classes=CLASSES, known=known)
@@ -317,7 +327,7 @@ def test_each_fault_does_what_its_name_says() -> None:
         FAULTS["sides exchanged"](unsided, np.random.default_rng(0))
 
 
-def _annotated() -> Course:
+def _annotated() -> AnsweredTake:
     """Give a take of which a bow was said twice, once to the take's end, and done once."""
     said = ((0.05, EventKind.START), (0.2, EventKind.END), (0.3, EventKind.START))
     events = [(Event("p", kind, "bow", 0, 0.9, time),) for time, kind in said]
@@ -453,7 +463,7 @@ def takes() -> list[Take]:
     return [_take(*each) for each in (("ann", 1), ("ann", 2), ("ben", 3), ("ben", 4), ("cid", 5))]
 
 
-def _sources(asked: Asked) -> set[str]:
+def _sources(asked: AskedTake) -> set[str]:
     """Name the takes that a library was cut from."""
     return {motion.take for motion in asked.library.motions}
 

@@ -26,7 +26,7 @@ from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, l
 from kinespace.tools.evaluation.evaluate_retrieval import Labels, Protocol, candidates, retrieve
 from kinespace.tools.evaluation.evaluate_show import lengths_of
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
-from kinespace.tools.evaluation.learn import Lesson, fitted
+from kinespace.tools.evaluation.learn import WeighedWindows, fitted
 from kinespace.tools.teaching.lessons import open_taught
 
 BY_NAME = Reading(actor_in=ActorIn.NAME)
@@ -217,7 +217,7 @@ def test_the_fit_tells_two_kinds_of_windows_apart() -> None:
     """Windows with a clear lead are known, windows with none are not; a class often guessed wrongly gets a malus."""
     generator = np.random.default_rng(1)
     known, unknown = _windows(1.0 + generator.normal(0, 0.1, 50)), _windows(generator.normal(0, 0.1, 50), "b")
-    lessons = [Lesson(known, is_known=True, weight=1.0), Lesson(unknown, is_known=False, weight=1.0)]
+    lessons = [WeighedWindows(known, is_known=True, weight=1.0), WeighedWindows(unknown, is_known=False, weight=1.0)]
     rejection = fitted(lessons, ("a", "b"), 0.3)
     assert all(rejection.logit(*window) > 0 for window in known)
     assert all(rejection.logit(*window) < 0 for window in unknown)

@@ -12,7 +12,7 @@ from programs import PATIENCE, until
 from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
 from kinespace.stream.outputs.lsl_sink import FURTHER, LslSink
 from kinespace.stream.recognition import Gone
-from kinespace.tools.feeding.lsl_feed import Layout, LslFeed
+from kinespace.tools.feeding.lsl_feed import LslFeed, StreamJoints
 
 pylsl = pytest.importorskip("pylsl", reason="pylsl finds no library of LSL", exc_type=(ImportError, RuntimeError))
 #: No packet leaves this machine, and no stream is another program's, or another run's of these tests.
@@ -118,7 +118,7 @@ MOBI = ["PositionX", "PositionY", "PositionZ", "OrientationX"]
 )
 def test_joints_are_read_off_labels_or_types(labels: list[str], types: list[str]) -> None:
     """Labels with an axis at their end, MoBI's types, and channels between that are no positions."""
-    layout = Layout.of(labels, types, [""] * len(labels))
+    layout = StreamJoints.of(labels, types, [""] * len(labels))
     assert layout.joints == JOINTS
     step = len(labels) // 6
     np.testing.assert_array_equal(layout.channels, np.arange(6)[:, None] * step + np.arange(3))

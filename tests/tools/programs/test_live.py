@@ -17,7 +17,7 @@ from kinespace.stream.feeds import builtin_preset
 from kinespace.stream.inputs import Source
 from kinespace.stream.inputs.decoder import FeedDecoder
 from kinespace.tools.feeding.service import expected_answers
-from kinespace.tools.programs.ends import Unread
+from kinespace.tools.programs.ends import UnreadPort
 from kinespace.tools.programs.live import OSC_OUT
 
 
@@ -91,7 +91,7 @@ def test_live_keeps_a_log_and_speaks_to_systemd(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize(("layout", "run"), [("vmc", "--feed vmc"), ("osceleton", "--feed osceleton")])
 def test_a_known_feed_is_named_with_the_command_that_reads_it(layout: str, run: str) -> None:
     """As `listen` says it, with the port that the packets come to; after a silence nothing is said."""
-    unread = Unread((LOOPBACK, 9310), None)
+    unread = UnreadPort((LOOPBACK, 9310), None)
     positions = [cue.frame.positions for cue in ghost_cues("squat1Reps", 0.5)[::4]]
     for arrival, packets in moments(layout, islice(cycle(positions), 60)):
         for packet in packets:

@@ -14,7 +14,7 @@ import zmq
 from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import RequestSource
-from kinespace.stream.inputs.source import APART, TENDING, Source
+from kinespace.stream.inputs.source import APART, Source
 from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
@@ -126,12 +126,11 @@ _TURNS = 8
 _ENDLESS = 1e6
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
-#: A packet that comes alone is answered before the loop looks for another.
 _MAX_TOGETHER = 32
-#: Packets taken from one source, at most, before the other sources and the clock get their turn.
-_MAX_IN_TURN = 256
-#: Longest sleep while nothing comes, seconds: `stop` takes effect within this time.
-_MAX_SLEEP = 0.1
+#: How often one source's packets are taken together, at most, before the other sources and the clock get their turn.
+_MAX_IN_TURN = 8
+#: Longest sleep while nothing comes, seconds: work that is due by the clock, and `stop`, wait no longer.
+TENDING = 0.02
 #: Steps after being stopped, at most: more than any socket holds, and few enough for the loop to end while a feed goes
 #: on.
 _MAX_LAST_STEPS = 32
@@ -211,14 +210,9 @@ class Service:
         self._done = Counter[tuple[str, int]]()
         #: When the loop last looked at its sources.
         self._looked = clock()
-        self._together = 1
         self._poller = zmq.Poller()
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
-        self._tended = [source for source in sources if source.tended_within < math.inf]
-        within = [source.tended_within for source in self._tended]
-        #: Seconds within which work is due by the clock even when no packet comes; inf if there never is any.
-        self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
         self._watching = [sink for sink in sinks if hasattr(sink, "publish_frame")]
 
@@ -234,7 +228,7 @@ class Service:
         """Run until stopped; answer packets that have arrived by then, end motions, let all performers leave."""
         try:
             while self._over == math.inf:
-                self.step(_MAX_SLEEP)
+                self.step(TENDING)
             for _ in range(_MAX_LAST_STEPS):
                 if time.perf_counter() < self._over:
                     self.step(0.0)
@@ -247,10 +241,8 @@ class Service:
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for packets, and deal with all that have come."""
         self._publish_on_time()
+        self._tend()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
-        if self._tended_within < math.inf:
-            self._tend()
-            sleep = min(sleep, self._tended_within)
         aside = any(source.has_put_aside for source in self.sources)
         is_busy = aside or self._asked or self._overload.until == math.inf
         self._poller.poll(0 if is_busy else math.ceil(sleep * 1000))
@@ -259,8 +251,8 @@ class Service:
         # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
-            while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
-                left -= taken
+            while left and time.perf_counter() < self._over and self._deal_with_waiting(source):
+                left -= 1
         self._looked = now = self._clock()
         until = 2 * now - began
         while self._overload.until == math.inf:
@@ -268,8 +260,8 @@ class Service:
             if self._clock() >= until:
                 break
 
-    def _deal_with_waiting(self, source: AnySource, most: int) -> int:
-        """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
+    def _deal_with_waiting(self, source: AnySource) -> bool:
+        """Take in some packets, recognise, answer; say whether more may wait."""
         # One alone: some take hundredths of a second, in which nobody is answered.
         if self._asked:
             self._carry_out(self._asked.popleft())
@@ -277,21 +269,16 @@ class Service:
         source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
         if source.patience < math.inf:
             self._catch_up(source, taken)
-            return 0
-        wanted = min(self._together, most)
-        for _ in range(wanted):
-            if not self._take(source, taken):
-                wanted, self._together = 0, max(self._together // 2, 1)
-                break
-            if len(taken) >= _MAX_TOGETHER:
-                break
-        else:
-            self._together = min(2 * self._together, _MAX_TOGETHER)
+            return False
+        packets, more, asked = 0, True, len(self._asked)
+        # A command is carried out before the frames behind it.
+        while more and max(packets, len(taken)) < _MAX_TOGETHER and len(self._asked) == asked:
+            packets, more = packets + 1, self._take(source, taken)
         if source.lag > LATE:
             self._catch_up(source, taken)
-            return 0
+            return False
         self._deal_with(taken)
-        return wanted
+        return more
 
     def _take(self, source: AnySource, taken: list[Taken]) -> bool:
         """Take in a packet: carry out its commands, add its frames and announcements; say whether one waited."""
@@ -337,7 +324,7 @@ class Service:
             self._deal_with(taken)
 
     def _tend(self) -> None:
-        for source in self._tended:
+        for source in self.sources:
             started = time.perf_counter()
             now = self._clock()
             taken = [Taken(event, started, 0.0) for event in source.tend(now)]

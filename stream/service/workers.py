@@ -31,7 +31,6 @@ from kinespace.library import MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
-from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.packet import IdleSource, remember
 from kinespace.stream.present import MAX_REMEMBERED, Present
@@ -41,7 +40,7 @@ from kinespace.stream.recognizer.decision import Events
 from kinespace.stream.recognizer.recognizer import require_order
 from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
-from kinespace.stream.service.loop import Service
+from kinespace.stream.service.loop import TENDING, Service
 from kinespace.stream.status import InputCounts, PerformerCounts, RecognizerCounts
 
 _FLOATS: np.dtype[np.floating] = np.dtype("<f4")
@@ -608,8 +607,6 @@ class Gateway(Present[Track]):
 class GatewaySource(IdleSource):
     """The messages of all workers, as a source of the service; no frames come in here."""
 
-    tended_within = TENDING
-
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.pollable = gateway, gateway.socket
 
@@ -653,8 +650,6 @@ REPORT_EVERY = 0.25
 #: Seconds of the frames shown in which windows are compared, too: the windows before are shorter than the former
 #: worker's, and would only mislead the averages.
 _COMPARED = 0.5
-#: Longest sleep while nothing comes, seconds.
-_MAX_SLEEP = 0.1
 
 
 def work(name: str, place: str) -> None:
@@ -702,8 +697,6 @@ class Worker(Sink, IdleSource):
         For the recognisers.
     """
 
-    tended_within = TENDING
-
     def __init__(self, socket: zmq.Socket[bytes], index: WindowIndex | None, terms: Terms) -> None:
         self.pollable = socket
         self._performers = Performers(
@@ -730,7 +723,7 @@ class Worker(Sink, IdleSource):
         """Work until the gateway's process is gone."""
         parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
-            self.service.step(_MAX_SLEEP)
+            self.service.step(TENDING)
 
     def _open_all(self) -> None:
         while True:

@@ -26,6 +26,7 @@ from kinespace.stream.feeds.message_reader import Mapper, MessageError, Reading,
 from kinespace.stream.feeds.preset import Closing, Means, Preset
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import Message
+from kinespace.stream.status import InputCounts
 
 #: Performers of one feed at once, at most.
 MAX_PERFORMERS = 64
@@ -51,18 +52,18 @@ _NOWHERE = (math.nan, math.nan, math.nan)
 
 
 @dataclass(slots=True)
-class AssemblerCounts:
-    """Counts of messages and joints, by their fate."""
+class AssemblerCounts(InputCounts):
+    """Counts of messages and joints, by their fate.
 
-    #: Messages with an address of the preset but other arguments.
-    malformed: int = 0
-    #: Messages that the preset does not know.
-    foreign: int = 0
+    A malformed message has an address of the preset but other arguments; a foreign one the preset does not know, or it
+    names none of its joints.
+    """
+
+    #: Messages that were read.
+    understood: int = 0
     #: Frames given out.
     frames: int = 0
-    #: Frames refused because too many joints were absent for too long, or never came.
-    incomplete: int = 0
-    #: Frames refused because a joint is impossibly far.
+    #: Frames refused because a joint is impossibly far; they count as incomplete, too.
     absurd: int = 0
     #: Joints that came after their frame was closed.
     late: int = 0
@@ -139,6 +140,12 @@ class FrameAssembler:
         self._axes = np.array([axis for axis, _ in preset.axes])
         self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
+    @property
+    def never_seen(self) -> set[str]:
+        """The joints, by the library's names, that were absent from every frame."""
+        closed = self.counts.closed_by.total()
+        return {joint for joint, frames in self.counts.absent.items() if frames == closed}
+
     def push(
         self, messages: Sequence[Message], arrival: float, *, bundle: bool = False, sender: int = 1
     ) -> list[Frame | Announcement]:
@@ -171,7 +178,11 @@ class FrameAssembler:
                 continue
             if reading is None or reading.means is Means.NOTHING:
                 self.counts.foreign += 1
-            elif reading.means not in (Means.NAME, Means.ORDER):
+                continue
+            is_nobodys = reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings
+            self.counts.foreign += is_nobodys
+            self.counts.understood += not is_nobodys
+            if reading.means not in (Means.NAME, Means.ORDER):
                 touched |= dict.fromkeys(self._take(reading, packet))
         if bundle:
             for name in touched:
@@ -340,6 +351,7 @@ class FrameAssembler:
             frame = Frame(name, moment, positions)
         except ValueError:
             self.counts.absurd += 1
+            self.counts.incomplete += 1
             return
         self.counts.frames += 1
         if body.announced != named:

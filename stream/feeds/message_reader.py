@@ -75,13 +75,13 @@ class Mapper:
 
     Attributes
     ----------
-    unknown
-        Some of the joints that were sent and that the preset does not name.
+    known, unknown
+        The joints that were sent, by the preset's names, and some of those that it does not name.
     """
 
     def __init__(self, preset: Preset) -> None:
         self.preset = preset
-        self.unknown: set[str] = set()
+        self.known, self.unknown = dict[str, None](), set[str]()
         self._names = {spelling(name): name for name in preset.joint_map}
         self._order = preset.order
         self._taught: dict[tuple[str | None, str], str] = {}
@@ -176,7 +176,9 @@ class Mapper:
         if found is None and self.preset.closings.some and (spelled := known_as(known)):
             # However it is written, it is one joint: senders cannot invent many.
             found = self._names.setdefault(spelled, known)
-        if found is None and len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
+        if found is not None:
+            self.known[found] = None
+        elif len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found
 

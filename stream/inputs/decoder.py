@@ -126,41 +126,35 @@ class FeedDecoder:
     ----------
     assembler
         Makes frames of the joints.
+    counts
+        Counts of packets, and of the assembler.
     """
 
     expires = True
 
     def __init__(self, preset: Preset) -> None:
         self.assembler = FrameAssembler(preset)
+        self.counts = self.assembler.counts
         self._unpack = UNPACKERS[preset.packing]()
         self._whole = preset.packing not in LOOSE
-        self._received = self._undecodable = 0
         self._senders = SenderNumbers()
         self.refusals = Refusals()
 
-    @property
-    def counts(self) -> InputCounts:
-        """Counts of packets, and of packets that could not be read."""
-        made = self.assembler.counts
-        bad, never = self._undecodable + made.malformed, made.incomplete + made.absurd
-        return InputCounts(self._received, malformed=bad, foreign=made.foreign, incomplete=never)
-
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet; give the frames that it completed."""
-        self._received += 1
+        self.counts.received += 1
         datagram = datagram_of(packet)
         try:
             messages = self._unpack(datagram)
         except PacketError as error:
-            self._undecodable += 1
+            self.counts.malformed += 1
             self.refusals.note("malformed", str(error), sender, packet)
             return ()
         host, port = sender or ("", 0)
         number = self._senders.number(host, arrival, port, messages[0].address if messages else "")
-        counts = self.assembler.counts
-        malformed = counts.malformed
+        malformed = self.counts.malformed
         made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
-        if counts.malformed > malformed:
+        if self.counts.malformed > malformed:
             self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
         return made
 

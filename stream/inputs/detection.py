@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
-from kinespace.stream.feeds.frame_assembler import FrameAssembler
-from kinespace.stream.feeds.message_reader import Mapper, MessageError
-from kinespace.stream.feeds.preset import Means, Preset
-from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS, Unpacker
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.stream.feeds.preset import Preset
+from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
+from kinespace.stream.frame import Announcement, Input
 from kinespace.stream.inputs.clock import SenderClock
 from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder
-from kinespace.stream.osc.messages import SKELETON, decode
+from kinespace.stream.osc.messages import SKELETON
 from kinespace.stream.osc.packet import Message, PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name
 
@@ -80,6 +78,12 @@ class Guess(NamedTuple):
         Joints that came and that the preset does not name.
     at_rest
         Bones that never came, and stay as they are in the standard skeleton.
+    clocks
+        By performer, the conversion of times that are not seconds.
+    stretching
+        Performers many of whose segments change their length by more than a tenth.
+    refusals
+        The last packets that could not be read, with the reason, a line each.
     """
 
     preset: Preset
@@ -90,6 +94,9 @@ class Guess(NamedTuple):
     times: Mapping[str, Sequence[float]]
     unknown: tuple[str, ...] = ()
     at_rest: tuple[str, ...] = ()
+    clocks: Mapping[str, str] = {}
+    stretching: tuple[str, ...] = ()
+    refusals: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -103,6 +110,35 @@ class Guess(NamedTuple):
         longest = max(self.times.values(), key=len, default=())
         span = longest[-1] - longest[0] if longest else 0.0
         return (len(longest) - 1) / span if span > 0 else 0.0
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What came of one performer: its joints by our names, and what its frames show."""
+
+    joints: tuple[str, ...] = hdm05.SKELETON.joints
+    came: set[str] = field(default_factory=set)
+    #: The arrivals of frames with all of these joints, and how many frames had another number of them.
+    times: list[float] = field(default_factory=list)
+    refused: int = 0
+    clock: SenderClock = field(default_factory=SenderClock)
+    #: The lengths of the segments in each frame.
+    lengths: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def take(self, event: Input, arrival: float) -> None:
+        """Take in a frame, or the names of its joints."""
+        if isinstance(event, Announcement):
+            self.joints = Naming().read(event.joints).joints
+            self.came.update(self.joints)
+            self.lengths.clear()
+            return
+        self.clock.read(event.time, arrival)
+        self.came.update(self.joints[: len(event.positions)])
+        if len(self.joints) != len(event.positions):
+            self.refused += 1
+            return
+        self.times.append(arrival)
+        self.lengths.append(_segment_lengths(self.joints, event.positions))
 
 
 @dataclass(slots=True)
@@ -131,8 +167,6 @@ class Survey:
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
     _kept: list[tuple[bytes, float, Sender]] = field(default_factory=list)
-    #: The kept packets as each packing reads them, and how many there were then.
-    _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
     #: There is nothing to say of it as a recorder.
     note = ""
@@ -171,89 +205,37 @@ class Survey:
         kind.last = arrival
 
     def looked_at_as(self, preset: Preset) -> Guess:
-        """Read all packets by a preset, and say how well it fits."""
-        if preset.name == NATIVE and self.announced:
-            return self._as_our_own(preset)
-        assembler = FrameAssembler(preset)
-        understood = total = 0
-        joints = dict[str, None]()
-        times: dict[str, list[float]] = {}
-        for messages, arrival, bundle in self._unpacked_as(preset.packing):
-            for message in messages:
-                total += 1
-                joints_here = _joints_in(assembler.mapper, message)
-                if joints_here is not None:
-                    understood += 1
-                    joints |= dict.fromkeys(joints_here)
-            for made in assembler.push(messages, arrival, bundle=bundle):
-                if isinstance(made, Frame):
-                    times.setdefault(made.performer, []).append(arrival)
-        named = preset.named([*joints])
-        came = {*named.values()} - {""}
-        at_rest = tuple(name for name in preset.joint_map if name not in joints) if preset.bones and came else ()
-        if preset.bones and came:
-            # A bone that does not come stays at rest.
-            came = set(preset.sent)
-        return Guess(
-            preset,
-            understood / total if total else 0.0,
-            tuple(joint for joint in preset.sent if joint in came),
-            assembler.counts.frames if len(came) >= MIN_JOINTS else 0,
-            assembler.counts.incomplete,
-            times,
-            tuple(sorted(assembler.mapper.unknown or (set(joints) - set(named) if preset.closings.some else ()))),
-            at_rest,
-        )
-
-    def _as_our_own(self, preset: Preset) -> Guess:
-        """Read our own messages, whose senders name their joints, as the recogniser does: by our joint names."""
-        named = set(Naming().read(self.announced).joints)
-        frames, times = 0, dict[str, list[float]]()
-        for datagram, arrival, _ in self._kept:
-            for event in decode(datagram, arrival).events:
-                if isinstance(event, Frame) and len(event.positions) == len(self.announced):
-                    times.setdefault(event.performer, []).append(arrival)
-                frames += isinstance(event, Frame)
-        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.sent if each in named)
-        ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
-        understood = ours / max(sum(kind.count for kind in self.kinds.values()), 1)
-        return Guess(preset, understood, joints, whole if len(joints) >= MIN_JOINTS else 0, frames - whole, times)
-
-    def findings(self, preset: Preset) -> tuple[dict[str, str], list[str], list[str]]:
-        """List the oddities of the packets, read by a preset.
-
-        Returns
-        -------
-        By performer, the conversion of times that are not seconds; performers many of whose segments change their
-        length by more than a tenth; and the last packets that could not be read, with the reason, a line each.
-        """
+        """Read all packets by a preset, as a recogniser reads them, and say how well it fits."""
         decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
-        joints: dict[str, tuple[str, ...]] = {}
-        clocks: dict[str, SenderClock] = {}
-        lengths: dict[str, list[NDArray[np.float64]]] = {}
+        heard, events = dict[str, _Heard](), 0
         for datagram, arrival, sender in self._kept:
             for event in decoder.decode(datagram, arrival, sender):
-                name = event.performer
-                if isinstance(event, Announcement):
-                    joints[name] = Naming().read(event.joints).joints
-                    lengths.pop(name, None)
-                    continue
-                clocks.setdefault(name, SenderClock()).read(event.time, arrival)
-                if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
-                    lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
-        stretching = [name for name, rows in lengths.items() if _stretches(np.array(rows))]
-        notes = {name: clock.verdict.note for name, clock in clocks.items() if clock.verdict.note}
-        return notes, stretching, decoder.refusals.lines()
-
-    def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
-        """Give the kept packets as messages, by one packing; packets of other packings hold none."""
-        if packing not in self._read or self._read[packing][0] != len(self._kept):
-            unpack = UNPACKERS[packing]()
-            loose, read = packing in LOOSE, list[tuple[list[Message], float, bool]]()
-            for datagram, arrival, _ in self._kept:
-                read.append((_unpacked(unpack, datagram) or [], arrival, not loose or datagram[:1] == b"#"))
-            self._read[packing] = len(self._kept), read
-        return self._read[packing][1]
+                heard.setdefault(event.performer, _Heard()).take(event, arrival)
+                events += 1
+        came, counts = set[str]().union(*(each.came for each in heard.values())), decoder.counts
+        unknown, at_rest, understood = list[str](), list[str](), events
+        if isinstance(decoder, FeedDecoder):
+            understood, mapper = decoder.counts.understood, decoder.assembler.mapper
+            named = preset.named([*mapper.known])
+            came = {*named.values()} - {"", *decoder.assembler.never_seen}
+            unknown = sorted(mapper.unknown or (set(mapper.known) - set(named) if preset.closings.some else ()))
+            if preset.bones and came:
+                # A bone that does not come stays at rest.
+                at_rest, came = [name for name in preset.joint_map if name not in mapper.known], set(preset.sent)
+        frames = sum(len(each.times) for each in heard.values())
+        return Guess(
+            preset,
+            understood / max(understood + counts.malformed + counts.foreign, 1),
+            tuple(joint for joint in preset.sent if joint in came),
+            frames if len(came) >= MIN_JOINTS else 0,
+            counts.incomplete + sum(each.refused for each in heard.values()),
+            {name: each.times for name, each in heard.items() if each.times},
+            tuple(unknown),
+            tuple(at_rest),
+            {name: each.clock.verdict.note for name, each in heard.items() if each.clock.verdict.note},
+            tuple(name for name, each in heard.items() if each.lengths and _stretches(np.array(each.lengths))),
+            tuple(decoder.refusals.lines()),
+        )
 
     def guess(self, presets: Sequence[Preset]) -> Guess | None:
         """Give the preset that explains most of the packets, None when none explains any.
@@ -263,7 +245,8 @@ class Survey:
         guesses = [self.looked_at_as(preset) for preset in presets]
         # So many joints must come for a preset to fit.
         fewest = [MIN_JOINTS if each.closings.some else _LIKELY * len(each.sent) for each in presets]
-        likely = [each for each, least in zip(guesses, fewest, strict=True) if len(each.joints) >= least]
+        enough = zip(guesses, fewest, strict=True)
+        likely = [each for each, least in enough if each.understood and len(each.joints) >= least]
         return max(likely, key=_likelihood, default=None)
 
 
@@ -299,17 +282,6 @@ def _stretches(lengths: NDArray[np.float64]) -> bool:
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:
     share = len(guess.joints) / len(guess.preset.sent)
     return guess.frames > 0, guess.understood * share, len(guess.joints)
-
-
-def _joints_in(mapper: Mapper, message: Message) -> list[str] | None:
-    """Name the joints a message holds; None when the preset does not understand it."""
-    try:
-        reading = mapper.read(message)
-    except MessageError:
-        return None
-    if reading is None or (reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings):
-        return None
-    return [sighting.joint for sighting in reading.sightings if sighting.position is not None]
 
 
 def shortened(types: str) -> str:

@@ -119,7 +119,7 @@ def check(source: FeedSource, packet: bytes, arrival: float) -> None:
             assert event == Announcement(event.performer, tuple(joints))
     counts = source.decoder.assembler.counts
     assert len(source.decoder.assembler._bodies) <= MAX_PERFORMERS  # noqa: SLF001 - unseen
-    assert sum(counts.closed_by.values()) == counts.frames + counts.incomplete + counts.absurd
+    assert sum(counts.closed_by.values()) == counts.frames + counts.incomplete
 
 
 def run(preset: Preset, packets: int, seed: int) -> FeedSource:

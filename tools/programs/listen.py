@@ -82,9 +82,9 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
     if guess is None:
         if any(kind.address in OURS for kind in survey.kinds.values()):
-            return [*lines, *survey.findings(builtin_preset(NATIVE))[-1]]
+            return [*lines, *survey.looked_at_as(builtin_preset(NATIVE)).refusals]
         return [*lines, "no known feed: write a preset (kinespace feeds native > my.toml) with the addresses above"]
-    lines += [*_lacking(survey, guess), *_odd(survey, guess)]
+    lines += [*_lacking(survey, guess), *_odd(guess)]
     if set(guess.preset.sent).isdisjoint(MotionLibrary.builtin().skeleton.joints):
         lines.append("none of the joints is the built-in library's: build your own library from this feed")
     lines += [
@@ -128,17 +128,16 @@ def _listing(count: int) -> str:
     return f"{first} (or {', '.join(others)})" if others else first
 
 
-def _odd(survey: Survey, guess: Guess) -> list[str]:
+def _odd(guess: Guess) -> list[str]:
     """Describe oddities of the frames, and the reasons why packets could not be read."""
-    clocks, stretching, refusals = survey.findings(guess.preset)
     return [
-        *(f"performer {name}: {reading}" for name, reading in clocks.items()),
+        *(f"performer {name}: {reading}" for name, reading in guess.clocks.items()),
         *(
             f"performer {name}: many segments change their length by more than a tenth. A depth sensor does "
             "this; otherwise the joints come in another order than their names, or as angles instead of positions"
-            for name in stretching
+            for name in guess.stretching
         ),
-        *refusals,
+        *guess.refusals,
     ]
 
 

@@ -10,14 +10,13 @@ import gc
 import itertools
 import math
 import multiprocessing
-import queue
 import secrets
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from multiprocessing.reduction import ForkingPickler
@@ -43,8 +42,6 @@ from kinespace.stream.service.background import BackgroundViews, leave_signals_t
 from kinespace.stream.service.loop import TENDING, Service
 from kinespace.stream.status import InputCounts, PerformerCounts, RecognizerCounts
 
-_FLOATS: np.dtype[np.floating] = np.dtype("<f4")
-_DOUBLES: np.dtype[np.floating] = np.dtype("<f8")
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 
 
@@ -53,34 +50,22 @@ class SentFrame(msgspec.Struct, array_like=True, gc=False):
 
     Attributes
     ----------
-    positions, doubles
-        Numbers of three for each joint, little-endian, and whether they are doubles.
     joints
-        Their names; None where they are as before.
+        The names of its joints; None where they are as before.
     begins
         Whether the performer begins: the worker forgets an earlier performer of this name.
     """
 
-    performer: str
-    time: float
-    positions: bytes
-    doubles: bool = False
+    frame: Frame
     joints: tuple[str, ...] | None = None
     begins: bool = False
 
-    @classmethod
-    def of(cls, frame: Frame) -> "SentFrame":
-        """Make the message of a frame; positions keep their precision."""
-        doubles = frame.positions.dtype.itemsize == _DOUBLES.itemsize
-        positions = frame.positions.astype(_DOUBLES if doubles else _FLOATS, copy=False)
-        return cls(frame.performer, frame.time, positions.tobytes(), doubles)
-
     def events(self) -> list[Admitted]:
         """Give the frame, behind what it says of its performer."""
-        positions = np.frombuffer(self.positions, _DOUBLES if self.doubles else _FLOATS).reshape(-1, 3)
-        named = [] if self.joints is None else [Announcement(self.performer, self.joints)]
-        begun = [NewSender(self.performer)] if self.begins else []
-        return [*begun, *named, Frame(self.performer, self.time, positions)]
+        performer = self.frame.performer
+        named = [] if self.joints is None else [Announcement(performer, self.joints)]
+        begun = [NewSender(performer)] if self.begins else []
+        return [*begun, *named, self.frame]
 
 
 class Orders(msgspec.Struct, omit_defaults=True):
@@ -129,17 +114,18 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
 
 
 def _encoded(value: object) -> object:
-    """Encode numbers of numpy's."""
-    return value.astype(_DOUBLES, copy=False).tobytes() if isinstance(value, np.ndarray) else float(value)  # type: ignore[arg-type]
+    """Encode numbers of numpy's; they keep their precision."""
+    return (value.dtype.str, value.shape, value.tobytes()) if isinstance(value, np.ndarray) else float(value)  # type: ignore[arg-type]
 
 
 def _decoded(_: object, value: Any) -> object:  # noqa: ANN401 - of any message
-    """Decode a recognition's scores; no other field is of a kind that msgspec does not know."""
-    return np.frombuffer(value, _DOUBLES)
+    """Decode an array; no other field is of a kind that msgspec does not know."""
+    kind, shape, numbers = value
+    return np.frombuffer(numbers, kind).reshape(shape)
 
 
 encode = msgspec.msgpack.Encoder(enc_hook=_encoded).encode
-decode_orders = msgspec.msgpack.Decoder(Orders).decode
+decode_orders = msgspec.msgpack.Decoder(Orders, dec_hook=_decoded).decode
 decode_answers = msgspec.msgpack.Decoder(Answers, dec_hook=_decoded).decode
 
 
@@ -157,8 +143,8 @@ class Terms(NamedTuple):
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Seconds in which the last frames are answered at the end.
-_MAX_ENDING = 0.5
+#: Seconds in which the last frames are answered and counted at the end.
+_MAX_ENDING = 1.0
 #: Seconds without an answer after which a performer makes room for a newcomer.
 _UNHEARD = 1.0
 #: Seconds in which a new worker must be ready, and in which one that was left out must come back before it is killed.
@@ -211,7 +197,7 @@ class Track:
 
     def send(self, frame: Frame, joints: tuple[str, ...] | None) -> SentFrame:
         """Make the message of the newest frame; it has the joints from time to time."""
-        sent, now = SentFrame.of(frame), self.newest
+        sent, now = SentFrame(frame), self.newest
         if joints != self._joints or now >= self._joints_due:
             sent.joints, self._joints, self._joints_due = joints, joints, now + _JOINTS_EVERY
         sent.begins = not self.number
@@ -238,7 +224,7 @@ class Track:
         for kept in reversed(self._kept):
             if kept.number <= self.answered:
                 return None
-            if kept.sent.time == answer.time:
+            if kept.sent.frame.time == answer.time:
                 break
         else:
             return None
@@ -250,17 +236,13 @@ class Track:
         """Say whether no answer has come for some time."""
         return now - self.heard >= _UNHEARD
 
-    def is_owed(self, hop: float) -> bool:
-        """Whether a frame that was sent will still be answered."""
-        return bool(self.answered) and self.newest - self._answered_at >= hop
-
     def end(self) -> Event | None:
         """End the motion that goes on."""
-        return self.events.end(self._kept[-1].sent.time)
+        return self.events.end(self._kept[-1].sent.frame.time)
 
     def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
         """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
-        return self.events.exchange(classes, lead, self._kept[-1].sent.time)
+        return self.events.exchange(classes, lead, self._kept[-1].sent.frame.time)
 
     def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
         """Give the frames that another worker is shown, and those that it answers."""
@@ -425,9 +407,11 @@ class Gateway(Present[Track]):
         return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
 
     def end(self) -> list[Event]:
-        """Wait for the last answers; give the ends of all motions going on, because no more frames will come."""
-        until, hop = time.monotonic() + _MAX_ENDING, self.settings.hop
-        while time.monotonic() < until and any(each.is_owed(hop) for each in self._here.values() if each.worker):
+        """Wait for the last answers and counts; give the ends of all motions going on: no more frames will come."""
+        # A worker's next report may be under way already; the one behind it counts all that was sent until now.
+        until = time.monotonic() + _MAX_ENDING
+        last = {name: each.reports + 2 for name, each in self._workers.items()}
+        while time.monotonic() < until and any(each.reports < last[name] for name, each in self._workers.items()):
             time.sleep(0.001)
             self.read()
         return super().end()
@@ -585,14 +569,6 @@ class Gateway(Present[Track]):
                 self._start(now)
         self._balance(now)
 
-    def settle(self) -> None:
-        """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
-        before, until = {name: each.reports for name, each in self._workers.items()}, time.monotonic() + 1.0
-        every = self._workers.items()
-        while time.monotonic() < until and any(each.reports == before.get(name) for name, each in every):
-            time.sleep(0.005)
-            self.read()
-
     def _kill_all(self) -> None:
         for each in self._workers.values():
             each.process.kill()
@@ -714,20 +690,15 @@ class Worker(Sink, IdleSource):
         self._answers, self._next_report = list[Recognition](), 0.0
         #: Counts of the frames that were only shown, which the former worker has counted, too.
         self._shown = RecognizerCounts()
-        #: Libraries that come and libraries that are open: no frame waits for the thread between.
-        self._came: queue.SimpleQueue[list[bytes]] = queue.SimpleQueue()
-        self._open: queue.SimpleQueue[tuple[WindowIndex | None, Terms]] = queue.SimpleQueue()
-        threading.Thread(target=self._open_all, name="kinespace opening", daemon=True).start()
+        #: Libraries are opened in a thread, so that no frame waits.
+        self._opener = ThreadPoolExecutor(1, "kinespace opening")
+        self._opening = deque[Future[tuple[WindowIndex | None, Terms]]]()
 
     def run(self) -> None:
         """Work until the gateway's process is gone."""
         parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
             self.service.step(TENDING)
-
-    def _open_all(self) -> None:
-        while True:
-            self._open.put(_opened(self._came.get()))
 
     def publish_recognition(self, recognition: Recognition) -> None:
         """Keep an answer until no message waits, or until the next one is taken in."""
@@ -742,7 +713,7 @@ class Worker(Sink, IdleSource):
             self.lag = 0.0
             return None
         if len(parts) > 1:
-            self._came.put(parts)
+            self._opening.append(self._opener.submit(_opened, parts))
             return ()
         orders = decode_orders(parts[0])
         if orders.at:
@@ -758,8 +729,8 @@ class Worker(Sink, IdleSource):
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Go on with another library that is open; send the answers that wait, and from time to time a report."""
-        while not self._open.empty():
-            index, terms = self._open.get()
+        while self._opening and self._opening[0].done():
+            index, terms = self._opening.popleft().result()
             if index is not None:
                 self._performers.exchange(index, terms.classes)
             if terms.settings.sensitivity is not None:

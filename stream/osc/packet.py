@@ -86,15 +86,39 @@ def decode_packet(packet: bytes) -> list[Message]:
     return decode_messages(split_packet(packet))
 
 
-def split_packet(packet: bytes) -> list[bytes]:
-    """Give the bytes of each message of a packet, before any message is read.
+def split_packet(packet: bytes, depth: int = 0) -> list[bytes]:
+    """Give the bytes of each message of a packet, before any is read: a packet with too many is refused at once.
 
     Raises
     ------
     PacketError
-        The bytes are neither a message nor a bundle, or the bundle has too many messages.
+        The bytes are neither a message nor a bundle, or the bundle has too many messages, or is too deep in others.
     """
-    return [packet[begin:end] for begin, end in _message_places(packet, 0, len(packet), 0)]
+    if packet.startswith(b"/") or _is_bare(packet):
+        return [packet]
+    if not packet.startswith(_BUNDLE) or len(packet) < 16:
+        raise PacketError("neither a message nor a bundle")
+    if depth > MAX_BUNDLE_DEPTH:
+        raise PacketError(f"bundles nested deeper than {MAX_BUNDLE_DEPTH}")
+    found = list[bytes]()
+    place, elements = 16, 0
+    while place < len(packet):
+        size = _number(packet, place, "i")
+        place += 4
+        if not 0 <= size <= len(packet) - place:
+            raise PacketError(f"an element of {size} bytes in a bundle with {len(packet) - place} left")
+        found += split_packet(packet[place : place + size], depth + 1)
+        place += size
+        elements += 1
+        if len(found) > MAX_MESSAGES or elements > MAX_MESSAGES:
+            raise PacketError(f"more than {MAX_MESSAGES} messages in one packet")
+    return found
+
+
+def _is_bare(packet: bytes) -> bool:
+    """Say whether a message begins whose address lacks its slash: a word, and behind its zeros the type tags."""
+    stop = packet.find(b"\0")
+    return stop > 0 and packet[:stop].isascii() and packet.startswith(b",", stop + 4 - stop % 4)
 
 
 def decode_messages(messages: Iterable[bytes]) -> list[Message]:
@@ -112,37 +136,6 @@ def decode_messages(messages: Iterable[bytes]) -> list[Message]:
         left -= values
         decoded.append(message)
     return decoded
-
-
-def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tuple[int, int]]:
-    """Find the places of the messages before any is read, so that a packet with too many is refused at once."""
-    if packet[begin : begin + 1] == b"/" or _is_bare(packet, begin, end):
-        return [(begin, end)]
-    if packet[begin : begin + 8] != _BUNDLE or end - begin < 16:
-        raise PacketError("neither a message nor a bundle")
-    if depth > MAX_BUNDLE_DEPTH:
-        raise PacketError(f"bundles nested deeper than {MAX_BUNDLE_DEPTH}")
-    found = list[tuple[int, int]]()
-    place, elements = begin + 16, 0
-    while place < end:
-        if place + 4 > end:
-            raise PacketError("cut off in its arguments")
-        size = _number(packet, place, "i")
-        place += 4
-        if not 0 <= size <= end - place:
-            raise PacketError(f"an element of {size} bytes in a bundle with {end - place} left")
-        found += _message_places(packet, place, place + size, depth + 1)
-        place += size
-        elements += 1
-        if len(found) > MAX_MESSAGES or elements > MAX_MESSAGES:
-            raise PacketError(f"more than {MAX_MESSAGES} messages in one packet")
-    return found
-
-
-def _is_bare(packet: bytes, begin: int, end: int) -> bool:
-    """Say whether a message begins whose address lacks its slash: a word, and behind its zeros the type tags."""
-    stop = packet.find(b"\0", begin, end)
-    return stop > begin and packet[begin:stop].isascii() and packet.startswith(b",", stop + 4 - (stop - begin) % 4)
 
 
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:

@@ -14,7 +14,7 @@ from kinespace.stream.feeds.preset import Preset
 from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, Input
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OwnDecoder
 from kinespace.stream.osc.messages import SKELETON
 from kinespace.stream.osc.packet import Message, PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name
@@ -206,7 +206,7 @@ class Survey:
 
     def looked_at_as(self, preset: Preset) -> Guess:
         """Read all packets by a preset, as a recogniser reads them, and say how well it fits."""
-        decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
+        decoder: Decoder = OwnDecoder() if preset.name == NATIVE else FeedDecoder(preset)
         heard, events = dict[str, _Heard](), 0
         for datagram, arrival, sender in self._kept:
             for event in decoder.decode(datagram, arrival, sender):

@@ -18,7 +18,7 @@ from kinespace.library.naming import listed
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Receiver, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, FeedSource, OwnDecoder, Receiver, Source
 from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, OURS, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
@@ -259,7 +259,7 @@ def _source(receiver: Receiver, preset: Preset | None, sender: str, admission: A
     if preset:
         source: Source = FeedSource(receiver, preset, admission, sender=sender)
     else:
-        source = Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), admission)
+        source = Source(receiver, OwnDecoder(), admission)
     if isinstance(receiver, osc.OscReceiver):
         source.unread = Unread(receiver.address, preset)
     return source

@@ -12,7 +12,7 @@ from kinespace.library import MotionLibrary
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05, summary, unknown_names
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import FeedSource, OscDecoder, Source
+from kinespace.stream.inputs import FeedSource, OwnDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
 from kinespace.stream.inputs.source import taking
 from kinespace.stream.osc import OscReceiver
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 def surveyed(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
     """Collect packets for some seconds, or until Ctrl-C; send the preset's messages to the sender if it has any."""
     survey = Survey()
-    source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OscDecoder())
+    source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OwnDecoder())
     source.recorder = survey
     with closing(source), suppress(KeyboardInterrupt):
         for _ in taking([source], seconds):

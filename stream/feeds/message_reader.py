@@ -97,23 +97,17 @@ class Mapper:
             The preset knows the address, but with other arguments.
         """
         ways = [way for way in self._ways(message.address) if way.literals_fit(message.arguments)]
-        best, why = None, ""
+        why = ""
         for way in ways:
+            # Groups of another length may fit the count, but they have numbers in the place of names.
             try:
-                reading = self._read(way, message.arguments)
+                if reading := self._read(way, message.arguments):
+                    return reading
             except (TypeError, OverflowError) as error:
                 why = f": {error}"
-                continue
-            if reading is None:
-                continue
-            if reading.means is not Means.FRAME or len(ways) == 1:
-                return reading
-            # Groups of one length can look like groups of another: the names in them decide.
-            if best is None or len(reading.sightings) > len(best.sightings):
-                best = reading
-        if ways and best is None:
+        if ways:
             raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}{why}")
-        return best
+        return None
 
     def _find_ways(self, address: str) -> "list[_Way]":
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()

@@ -58,17 +58,19 @@ class Overload:
 
     Attributes
     ----------
-    until
-        Until when performers are answered by turns, seconds on the service's clock; inf while some wait.
     stale
         Frames that were dropped while they waited.
     """
 
     def __init__(self) -> None:
-        self.until = self._cautious_until = -math.inf
-        self.stale = 0
+        self._cautious_until, self.stale = -math.inf, 0
         #: The performer who is to be answered first stands first; for some nothing waits.
         self._waiting: dict[str, list[Taken]] = {}
+
+    @property
+    def until(self) -> float:
+        """Until when performers are answered by turns, seconds on the service's clock; inf while some wait."""
+        return math.inf if self._waiting else self._cautious_until
 
     def keep(self, all_taken: Iterable[Taken], now: float, *, is_late: bool = False) -> None:
         """Keep frames and announcements until their performers' turns; `is_late`: one had waited for too long."""
@@ -80,7 +82,6 @@ class Overload:
                 self._add(self._waiting.setdefault(name, []), taken)
             else:
                 self.stale += 1
-        self.until = math.inf if self._waiting else self._cautious_until
 
     def _add(self, waiting: list[Taken], taken: Taken) -> None:
         """Add to what waits for a performer; keep the newest frame, and of those before as many as windows need."""
@@ -100,7 +101,6 @@ class Overload:
             self._waiting = {name: waiting for name, waiting in self._waiting.items() if waiting}
         # They keep their places: whoever had a turn comes behind all others, whose frames came earlier or later.
         self._waiting.update((name, []) for name in names if self._waiting)
-        self.until = math.inf if self._waiting else self._cautious_until
         return taken
 
 

@@ -173,8 +173,8 @@ class Track:
 
     Attributes
     ----------
-    newest, heard
-        When the newest frame came, and when an answer; before the first answer when the performer came.
+    newest, answered_at
+        When the newest frame came, and the last one that was answered; before an answer when the performer came.
     events
         Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
     worker
@@ -184,12 +184,11 @@ class Track:
     """
 
     newest: float
-    heard: float
+    answered_at: float
     events: Events
     worker: str = ""
     number: int = 0
     answered: int = 0
-    _answered_at: float = 0.0
     _joints: tuple[str, ...] | None = None
     _joints_due: float = 0.0
     #: Never empty behind the first `send`, which a performer begins with.
@@ -228,13 +227,13 @@ class Track:
                 break
         else:
             return None
-        self.answered, self._answered_at, self.heard = kept.number, kept.arrival, self.newest
+        self.answered, self.answered_at = kept.number, kept.arrival
         decide = self.events.push if answer.classes == classes else self.events.ends
         return replace(answer, events=decide(answer)), kept.arrival
 
     def is_idle(self, now: float) -> bool:
         """Say whether no answer has come for some time."""
-        return now - self.heard >= _UNHEARD
+        return now - self.answered_at >= _UNHEARD
 
     def end(self) -> Event | None:
         """End the motion that goes on."""
@@ -246,8 +245,7 @@ class Track:
 
     def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
         """Give the frames that another worker is shown, and those that it answers."""
-        since = self._answered_at - HISTORY if self.answered else 0.0
-        kept = [each for each in self._kept if each.arrival >= since]
+        kept = [each for each in self._kept if each.arrival >= self.answered_at - HISTORY]
         seen = [each.sent for each in kept if each.number <= self.answered or each.arrival < now - DUE]
         due = [each.sent for each in kept[len(seen) :]]
         for first in (seen or due)[:1]:
@@ -677,13 +675,9 @@ class Worker(Sink, IdleSource):
         self.pollable = socket
         self._performers = Performers(
             index or MotionLibrary.builtin(),
-            terms.settings,
-            most=terms.most,
-            # The gateway drops a silent performer; a worker may forget it later.
-            silence=2 * terms.silence,
-            joints=terms.joints,
             views=BackgroundViews(),
-            classes=terms.classes,
+            # The gateway drops a silent performer; a worker may forget it later.
+            **terms._replace(silence=2 * terms.silence)._asdict(),
         )
         self.service = Service(self._performers, [self], [self])
         self.counts = InputCounts()

@@ -34,7 +34,7 @@ class PacketError(ValueError):
 
 
 class Message(NamedTuple):
-    """One OSC message: its address, and its arguments as Python values (arrays as lists)."""
+    """One OSC message: its address, and its arguments as Python values; those of arrays stand among the others."""
 
     address: str
     arguments: list[object]
@@ -156,27 +156,17 @@ def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
 
 
 def _arguments(packet: bytes, place: int, tags: str) -> list[object]:
-    stack: list[list[object]] = [[]]
+    values = list[object]()
     # Joint positions are long runs of floats: one call takes a whole run.
     for tag in _RUN.findall(tags, 1):
         if tag[0] == "f":
             end = _end(packet, place + 4 * len(tag))
-            stack[-1].extend(struct.unpack_from(f">{len(tag)}f", packet, place))
+            values.extend(struct.unpack_from(f">{len(tag)}f", packet, place))
             place = end
-        elif tag == "[":
-            inner: list[object] = []
-            stack[-1].append(inner)
-            stack.append(inner)
-        elif tag == "]":
-            if len(stack) < 2:
-                raise PacketError("an array ends that never began")
-            stack.pop()
-        else:
+        elif tag not in "[]":
             value, place = _argument(packet, place, tag)
-            stack[-1].append(value)
-    if len(stack) != 1:
-        raise PacketError("an array that never ends")
-    return stack[0]
+            values.append(value)
+    return values
 
 
 def _argument(packet: bytes, place: int, tag: str) -> tuple[object, int]:

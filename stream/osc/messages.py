@@ -214,17 +214,24 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
     In a library of more than some 200 classes the scores do not fit and are left out; class and label always fit.
     """
-    name, scores = recognition.performer, recognition.scores
+    name = recognition.performer
     messages = [
-        _numbers(name, "class", "iff", recognition.class_index, recognition.score, recognition.margin),
-        _numbers(name, "guess", "i", recognition.guess_index),
-        _numbers(name, "sofar", "i", recognition.so_far),
+        encode_numbers(name, "class", "iff", recognition.class_index, recognition.score, recognition.margin),
+        encode_numbers(name, "guess", "i", recognition.guess_index),
+        encode_numbers(name, "sofar", "i", recognition.so_far),
         _head(name, "label", "s") + _label(recognition.label),
     ]
     if recognition.progress:
         messages.append(encode_progress(recognition))
-    told = packet.encode_bundle(*messages, _head(name, "scores", "f" * len(scores)) + scores.astype(">f4").tobytes())
-    return told if len(told) <= MAX_ANSWER else packet.encode_bundle(*messages)
+    return with_scores(messages, recognition)
+
+
+def with_scores(messages: Sequence[bytes], recognition: Recognition) -> bytes:
+    """Encode a bundle of messages, and an answer's scores behind them where they fit into 1200 bytes."""
+    scores = recognition.scores
+    head = _head(recognition.performer, "scores", "f" * len(scores))
+    whole = packet.encode_bundle(*messages, head + scores.astype(">f4").tobytes())
+    return whole if len(whole) <= MAX_ANSWER else packet.encode_bundle(*messages)
 
 
 @lru_cache(maxsize=8192)
@@ -233,7 +240,8 @@ def _head(performer: str, last: str, types: str) -> bytes:
     return packet.padded(f"/motion/{address_part(performer)}/{last}") + packet.padded(f",{types}")
 
 
-def _numbers(performer: str, last: str, types: str, *numbers: float) -> bytes:
+def encode_numbers(performer: str, last: str, types: str, *numbers: float) -> bytes:
+    """Encode `/motion/<performer>/<last>` with numbers of some types."""
     return _head(performer, last, types) + struct.pack(f">{types}", *numbers)
 
 
@@ -244,15 +252,15 @@ def encode_progress(recognition: Recognition) -> bytes:
         return b""
     index = recognition.classes.index(progress.class_name)
     numbers = (progress.phase, progress.speed, progress.amplitude, progress.sure, progress.scrub, progress.cycles)
-    return _numbers(recognition.performer, "progress", "ifffffi", index, *numbers)
+    return encode_numbers(recognition.performer, "progress", "ifffffi", index, *numbers)
 
 
 def encode_gone(performer: str) -> bytes:
     """Encode that a performer has left: an answer without a class, without scores."""
     return packet.encode_bundle(
-        _numbers(performer, "class", "iff", -1, 0.0, 0.0),
-        _numbers(performer, "guess", "i", -1),
-        _numbers(performer, "sofar", "i", -1),
+        encode_numbers(performer, "class", "iff", -1, 0.0, 0.0),
+        encode_numbers(performer, "guess", "i", -1),
+        encode_numbers(performer, "sofar", "i", -1),
         _head(performer, "label", "s") + _label(GONE),
     )
 
@@ -320,7 +328,7 @@ def decode_answer(datagram: bytes) -> Answer | None:
         found = {message.address.rpartition("/")[2]: message for message in packet.decode_packet(datagram)}
         index, score, margin = map(packet.number_of, found["class"].arguments)
         (label,) = found["label"].arguments
-        performer = found["class"].address.split("/")[2]
-        return Answer(performer, int(index), score, margin, str(label))
+        performer, named = found["class"].address.split("/")[2], str(label) if index >= 0 else None
+        return Answer(performer, named, int(index), str(label), score, margin)
     except (KeyError, TypeError, ValueError, IndexError, OverflowError):
         return None

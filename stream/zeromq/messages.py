@@ -164,21 +164,7 @@ _SCORE_DIGITS = 6
 _encode = msgspec.json.Encoder().encode
 
 
-class SentAnswer(msgspec.Struct, rename={"label": "class"}):
-    """The fields of an answer that a listener reads, or a page shows."""
-
-    performer: str
-    label: str | None
-    index: int
-    outcome: str
-    score: float
-    margin: float
-    guess: str | None = None
-    scores: dict[str, float] = {}
-    progress: dict[str, str | float] | None = None
-
-
-_read = msgspec.json.Decoder(SentAnswer).decode
+_read = msgspec.json.Decoder(Answer).decode
 
 
 def _topic(kind: str, performer: str) -> bytes:
@@ -223,12 +209,9 @@ def decode_answer(parts: Sequence[bytes]) -> Answer | None:
     """Decode a recognition, for programs that listen to the answers; None for any other message."""
     try:
         topic, encoded = parts
-        if not topic.startswith(b"class/"):
-            return None
-        answer = _read(encoded)
+        return _read(encoded) if topic.startswith(b"class/") else None
     except (ValueError, RecursionError):
         return None
-    return Answer(answer.performer, answer.index, answer.score, answer.margin, answer.label or answer.outcome)
 
 
 #: What is told of a performer who has left.

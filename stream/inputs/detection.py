@@ -37,7 +37,7 @@ _STRETCHES = 0.1
 #: Share of the segments that may change by more.
 _MANY = 0.25
 _NUMBERED = re.compile(r"\d+")
-_TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", tuple: "m"}
+_TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N"}
 
 
 @dataclass(slots=True)

@@ -23,7 +23,8 @@ _BUNDLE = b"#bundle\0"
 #: The beginning of every bundle that we send: its time tag says "immediately".
 BUNDLE_START = _BUNDLE + b"\0\0\0\0\0\0\0\1"
 _FIXED = {"i": struct.Struct(">i"), "h": struct.Struct(">q"), "f": struct.Struct(">f"), "d": struct.Struct(">d")}
-_FIXED |= {"t": struct.Struct(">Q"), "r": struct.Struct(">I")}
+#: Moments, and colours, characters and MIDI, which hold no place: given as whole numbers.
+_FIXED |= {"t": struct.Struct(">Q"), **dict.fromkeys("rcm", struct.Struct(">I"))}
 #: A type tag, or a run of floats.
 _RUN = re.compile(r"f+|.", re.DOTALL)
 _VALUES: dict[str, object] = {"T": True, "F": False, "N": None, "I": float("inf")}
@@ -174,21 +175,15 @@ def _argument(packet: bytes, place: int, tag: str) -> tuple[object, int]:
         return _number(packet, place, tag), place + _FIXED[tag].size
     if tag in _VALUES:
         return _VALUES[tag], place
-    match tag:
-        case "s" | "S":
-            return _string(packet, place)
-        case "c":
-            return chr(_number(packet, place, "r") & 0x7F), place + 4
-        case "m":
-            return tuple(packet[place : place + 4]), _end(packet, place + 4)
-        case "b":
-            size = _number(packet, place, "i")
-            if size < 0:
-                raise PacketError(f"a blob of {size} bytes")
-            end = _end(packet, place + 4 + size)
-            return packet[place + 4 : end], min(end + -size % 4, len(packet))
-        case _:
-            raise PacketError(f"an argument of unknown type {tag!r}")
+    if tag in "sS":
+        return _string(packet, place)
+    if tag != "b":
+        raise PacketError(f"an argument of unknown type {tag!r}")
+    size = _number(packet, place, "i")
+    if size < 0:
+        raise PacketError(f"a blob of {size} bytes")
+    end = _end(packet, place + 4 + size)
+    return packet[place + 4 : end], min(end + -size % 4, len(packet))
 
 
 def _number(packet: bytes, place: int, tag: str) -> int:

@@ -26,7 +26,7 @@ from kinespace.stream.status import InputCounts, PerformerCounts, Status
     [
         *((packet, ("/a", [])) for packet in (b"/a\0\0", b"/a\0\0,\0\0\0")),
         (b"/a\0\0,t\0\0\xff\xff\xff\xff\xff\xff\xff\xff", ("/a", [2**64 - 1])),
-        (b"/a\0\0,cmi\0\0\0\0\0\0\0A\1\2\3\4\0\0\0\7", ("/a", ["A", (1, 2, 3, 4), 7])),
+        (b"/a\0\0,cmi\0\0\0\0\0\0\0A\1\2\3\4\0\0\0\7", ("/a", [65, 0x01020304, 7])),
         (b"/a\0\0,rh\0\xff\0\0\1\xff\xff\xff\xff\xff\xff\xff\xfe", ("/a", [0xFF000001, -2])),
         (b"/a\0\0,s\0\0abcd\0\0\0\0", ("/a", ["abcd"])),
         *((b"/a\0\0," + tag + bytes(6), ("/a", [none])) for tag, none in ((b"S", ""), (b"b", b""))),

@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.library import Clip, Skeleton
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
+from kinespace.library.recordings.remarks import remarks
 from kinespace.stream.feeds.preset import Preset
 from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
 from kinespace.stream.frame import Announcement, Input
@@ -32,10 +34,6 @@ OURS = ("/motion/frame", SKELETON)
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Share of a preset's joints that must come for the preset to fit.
 _LIKELY = 0.25
-#: Share of its length by which a segment may change.
-_STRETCHES = 0.1
-#: Share of the segments that may change by more.
-_MANY = 0.25
 _NUMBERED = re.compile(r"\d+")
 _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N"}
 
@@ -59,6 +57,49 @@ class Kind:
         return (self.count - 1) / (self.last - self.first) if self.last > self.first else 0.0
 
 
+@dataclass(slots=True)
+class Heard:
+    """What came of one performer: its joints by our names, and what its frames show."""
+
+    joints: tuple[str, ...] = hdm05.SKELETON.joints
+    came: set[str] = field(default_factory=set)
+    #: The arrivals of frames with all of these joints, and how many frames had another number of them.
+    times: list[float] = field(default_factory=list)
+    refused: int = 0
+    clock: SenderClock = field(default_factory=SenderClock)
+    #: The positions of the frames of which no joint is lost.
+    positions: list[NDArray[np.floating]] = field(default_factory=list)
+
+    def take(self, event: Input, arrival: float) -> None:
+        """Take in a frame, or the names of its joints."""
+        if isinstance(event, Announcement):
+            self.joints = Naming().read(event.joints).joints
+            self.came.update(self.joints)
+            self.positions.clear()
+            return
+        self.clock.read(event.time, arrival)
+        self.came.update(self.joints[: len(event.positions)])
+        if len(self.joints) != len(event.positions):
+            self.refused += 1
+            return
+        self.times.append(arrival)
+        if np.isfinite(event.positions).all():
+            self.positions.append(event.positions)
+
+    @property
+    def rate(self) -> float:
+        """Frames a second; 0 for less than two moments."""
+        span = self.times[-1] - self.times[0] if self.times else 0.0
+        return (len(self.times) - 1) / span if span > 0 else 0.0
+
+    def remarks(self) -> list[str]:
+        """Say how times are read that are not seconds, and what is odd about the body, as of a recording's."""
+        times = [self.clock.verdict.note] if self.clock.verdict.note else []
+        if not (self.rate and self.positions):
+            return times
+        return [*times, *remarks(Clip(Skeleton(self.joints), np.array(self.positions), self.rate))]
+
+
 class Guess(NamedTuple):
     """How well a preset explains the messages.
 
@@ -72,16 +113,12 @@ class Guess(NamedTuple):
         Joints that came, by the motion library's names.
     frames, refused
         Frames made of the messages, and frames that lack too many joints.
-    times
-        The arrivals of each performer's frames, seconds.
+    heard
+        What came of each performer.
     unknown
         Joints that came and that the preset does not name.
     at_rest
         Bones that never came, and stay as they are in the standard skeleton.
-    clocks
-        By performer, the conversion of times that are not seconds.
-    stretching
-        Performers many of whose segments change their length by more than a tenth.
     refusals
         The last packets that could not be read, with the reason, a line each.
     """
@@ -91,11 +128,9 @@ class Guess(NamedTuple):
     joints: tuple[str, ...]
     frames: int
     refused: int
-    times: Mapping[str, Sequence[float]]
+    heard: Mapping[str, Heard]
     unknown: tuple[str, ...] = ()
     at_rest: tuple[str, ...] = ()
-    clocks: Mapping[str, str] = {}
-    stretching: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
 
     @property
@@ -105,40 +140,14 @@ class Guess(NamedTuple):
         return () if self.preset.closings.some else tuple(absent)
 
     @property
+    def performers(self) -> list[str]:
+        """The performers of whom frames came."""
+        return [name for name, each in self.heard.items() if each.times]
+
+    @property
     def rate(self) -> float:
         """Frames a second of the performer with the most frames; 0 for none."""
-        longest = max(self.times.values(), key=len, default=())
-        span = longest[-1] - longest[0] if longest else 0.0
-        return (len(longest) - 1) / span if span > 0 else 0.0
-
-
-@dataclass(slots=True)
-class _Heard:
-    """What came of one performer: its joints by our names, and what its frames show."""
-
-    joints: tuple[str, ...] = hdm05.SKELETON.joints
-    came: set[str] = field(default_factory=set)
-    #: The arrivals of frames with all of these joints, and how many frames had another number of them.
-    times: list[float] = field(default_factory=list)
-    refused: int = 0
-    clock: SenderClock = field(default_factory=SenderClock)
-    #: The lengths of the segments in each frame.
-    lengths: list[NDArray[np.float64]] = field(default_factory=list)
-
-    def take(self, event: Input, arrival: float) -> None:
-        """Take in a frame, or the names of its joints."""
-        if isinstance(event, Announcement):
-            self.joints = Naming().read(event.joints).joints
-            self.came.update(self.joints)
-            self.lengths.clear()
-            return
-        self.clock.read(event.time, arrival)
-        self.came.update(self.joints[: len(event.positions)])
-        if len(self.joints) != len(event.positions):
-            self.refused += 1
-            return
-        self.times.append(arrival)
-        self.lengths.append(_segment_lengths(self.joints, event.positions))
+        return max(self.heard.values(), key=lambda each: len(each.times), default=Heard()).rate
 
 
 @dataclass(slots=True)
@@ -207,10 +216,10 @@ class Survey:
     def looked_at_as(self, preset: Preset) -> Guess:
         """Read all packets by a preset, as a recogniser reads them, and say how well it fits."""
         decoder: Decoder = OwnDecoder() if preset.name == NATIVE else FeedDecoder(preset)
-        heard, events = dict[str, _Heard](), 0
+        heard, events = dict[str, Heard](), 0
         for datagram, arrival, sender in self._kept:
             for event in decoder.decode(datagram, arrival, sender):
-                heard.setdefault(event.performer, _Heard()).take(event, arrival)
+                heard.setdefault(event.performer, Heard()).take(event, arrival)
                 events += 1
         came, counts = set[str]().union(*(each.came for each in heard.values())), decoder.counts
         unknown, at_rest, understood = list[str](), list[str](), events
@@ -229,11 +238,9 @@ class Survey:
             tuple(joint for joint in preset.sent if joint in came),
             frames if len(came) >= MIN_JOINTS else 0,
             counts.incomplete + sum(each.refused for each in heard.values()),
-            {name: each.times for name, each in heard.items() if each.times},
+            heard,
             tuple(unknown),
             tuple(at_rest),
-            {name: each.clock.verdict.note for name, each in heard.items() if each.clock.verdict.note},
-            tuple(name for name, each in heard.items() if each.lengths and _stretches(np.array(each.lengths))),
             tuple(decoder.refusals.lines()),
         )
 
@@ -256,27 +263,6 @@ def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
         return unpack(datagram)
     except PacketError:
         return None
-
-
-def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where few joints are known."""
-    known = [name for name in hdm05.SKELETON.joints if name in joints]
-    if len(known) < MIN_JOINTS:
-        return np.empty(0)
-    there, parents = positions[[joints.index(name) for name in known]], np.array(hdm05.SKELETON.linked(known).parents)
-    children = np.flatnonzero(parents >= 0)
-    lengths: NDArray[np.float64] = np.linalg.norm(there[children] - there[parents[children]], axis=1)
-    return lengths
-
-
-def _stretches(lengths: NDArray[np.float64]) -> bool:
-    """Say whether many segments of (frames, segments) change by more than a tenth, apart from stray frames."""
-    # A segment with a lost end is not judged.
-    lengths = lengths[:, np.isfinite(lengths).all(axis=0)]
-    if not lengths.any():
-        return False
-    least, usual, most = np.percentile(lengths, [5, 50, 95], axis=0)
-    return bool(np.mean((most - least) > _STRETCHES * usual) > _MANY)
 
 
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:

@@ -131,12 +131,7 @@ def _listing(count: int) -> str:
 def _odd(guess: Guess) -> list[str]:
     """Describe oddities of the frames, and the reasons why packets could not be read."""
     return [
-        *(f"performer {name}: {reading}" for name, reading in guess.clocks.items()),
-        *(
-            f"performer {name}: many segments change their length by more than a tenth. A depth sensor does "
-            "this; otherwise the joints come in another order than their names, or as angles instead of positions"
-            for name in guess.stretching
-        ),
+        *(f"performer {name}: {line}" for name, each in guess.heard.items() if guess.frames for line in each.remarks()),
         *guess.refusals,
     ]
 
@@ -170,7 +165,7 @@ def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str
         "feed": guess.preset.name if guess else None,
         "frames": guess.frames if guess else 0,
         "rate": round(guess.rate, 3) if guess else 0.0,
-        "performers": list(guess.times) if guess else [],
+        "performers": guess.performers if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
         "names": Naming().read(survey.announced).title if survey.announced else None,
@@ -197,7 +192,7 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
             named = Naming().read(survey.announced)
             say(summary(named.title or "our", named.joints))
         if guess.frames:
-            say(f"performers: {', '.join(guess.times)}, {guess.rate:.1f} frames per second each")
+            say(f"performers: {', '.join(guess.performers)}, {guess.rate:.1f} frames per second each")
     for line in lines:
         say(line)
 

@@ -105,17 +105,8 @@ def encode_packet(packet: RawPacket) -> bytes:
 
 
 def encode_header(header: RawHeader) -> bytes:
-    """Encode the header as one record.
-
-    Raises
-    ------
-    ValueError
-        The presets are larger than a record may be.
-    """
-    body = bytes([_HEADER]) + msgspec.json.encode(header)
-    if len(body) > MAX_RECORD:
-        raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with the rest of the header, got {len(body)}")
-    return _record(body)
+    """Encode the header as one record; a preset is far smaller than a record may be."""
+    return _record(bytes([_HEADER]) + msgspec.json.encode(header))
 
 
 def _record(body: bytes) -> bytes:
@@ -171,8 +162,6 @@ class RawWriter:
     ------
     OSError
         The file exists, or cannot be written.
-    ValueError
-        The presets are larger than a header may be.
     """
 
     def __init__(self, path: Path, sources: Sequence[str], presets: Mapping[str, str] | None = None) -> None:

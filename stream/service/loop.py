@@ -120,7 +120,7 @@ REFUSED_EVERY = 1.0
 #: Seconds for which packets that have waited are taken in before some performers are answered, at most.
 _MAX_CATCHING_UP = 0.1
 #: Performers that are then answered together; others after them only until answers have taken as long as packets: what
-#: waits meanwhile would be dropped for its age.
+#: waits meanwhile grows old.
 _TURNS = 8
 #: Seconds that no packet has waited.
 _ENDLESS = 1e6

@@ -23,12 +23,12 @@ from multiprocessing.reduction import ForkingPickler
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
-import numpy as np
 import zmq
 
 from kinespace.library import MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
+from kinespace.library.windows.remembered import decoded_numbers, encoded_numbers
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.packet import IdleSource, remember
@@ -113,20 +113,9 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
     report: Report | None = None
 
 
-def _encoded(value: object) -> object:
-    """Encode numbers of numpy's; they keep their precision."""
-    return (value.dtype.str, value.shape, value.tobytes()) if isinstance(value, np.ndarray) else float(value)  # type: ignore[arg-type]
-
-
-def _decoded(_: object, value: Any) -> object:  # noqa: ANN401 - of any message
-    """Decode an array; no other field is of a kind that msgspec does not know."""
-    kind, shape, numbers = value
-    return np.frombuffer(numbers, kind).reshape(shape)
-
-
-encode = msgspec.msgpack.Encoder(enc_hook=_encoded).encode
-decode_orders = msgspec.msgpack.Decoder(Orders, dec_hook=_decoded).decode
-decode_answers = msgspec.msgpack.Decoder(Answers, dec_hook=_decoded).decode
+encode = msgspec.msgpack.Encoder(enc_hook=encoded_numbers).encode
+decode_orders = msgspec.msgpack.Decoder(Orders, dec_hook=decoded_numbers).decode
+decode_answers = msgspec.msgpack.Decoder(Answers, dec_hook=decoded_numbers).decode
 
 
 class Terms(NamedTuple):

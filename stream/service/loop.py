@@ -46,11 +46,10 @@ MAX_ASKED = 64
 
 
 class Taken(NamedTuple):
-    """A frame or announcement; when its packet was looked at, and for how long it had waited then, seconds."""
+    """A frame or announcement, and when its packet came, seconds as of `time.perf_counter`."""
 
     event: Admitted
-    started: float
-    waited: float
+    came: float
 
 
 class Overload:
@@ -267,14 +266,12 @@ class Service:
             self._carry_out(self._asked.popleft())
         taken: list[Taken] = []
         source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
-        if source.patience < math.inf:
-            self._catch_up(source, taken)
-            return False
-        packets, more, asked = 0, True, len(self._asked)
+        is_overloaded = source.patience < math.inf
+        packets, more, asked = 0, not is_overloaded, len(self._asked)
         # A command is carried out before the frames behind it.
         while more and max(packets, len(taken)) < _MAX_TOGETHER and len(self._asked) == asked:
             packets, more = packets + 1, self._take(source, taken)
-        if source.lag > LATE:
+        if is_overloaded or source.lag > LATE:
             self._catch_up(source, taken)
             return False
         self._deal_with(taken)
@@ -293,7 +290,7 @@ class Service:
                 why = event.refusal or f"too many commands: expected at most {MAX_ASKED} that wait"
                 self._carry_out(replace(event, command=None, refusal=why))
             else:
-                taken.append(Taken(event, started, source.waited))
+                taken.append(Taken(event, started - source.waited))
         return True
 
     def _carry_out(self, asked: Asked) -> None:
@@ -327,7 +324,7 @@ class Service:
         for source in self.sources:
             started = time.perf_counter()
             now = self._clock()
-            taken = [Taken(event, started, 0.0) for event in source.tend(now)]
+            taken = [Taken(event, started) for event in source.tend(now)]
             if now < self._overload.until:
                 self._overload.keep(taken, now)
             else:
@@ -341,9 +338,9 @@ class Service:
             return
         events = [each.event for each in taken]
         answers = self.performers.push_all(events, self._clock(), newest_only=newest_only)
-        for answer, (_, started, waited) in zip(answers, taken, strict=True):
+        for answer, (_, came) in zip(answers, taken, strict=True):
             if answer is not None:
-                self.publish(answer, time.perf_counter() - started + waited)
+                self.publish(answer, time.perf_counter() - came)
         for event in events:
             if isinstance(event, Frame):
                 self._frames[event.performer] += 1

@@ -378,12 +378,12 @@ def test_answers_get_rarer_alike_and_stay_fresh(crowd: int, packet: float, least
 
 
 def _taken(performer: str, time: float) -> Taken:
-    return Taken(Frame(performer, time, np.zeros((len(STICK.joints), 3))), 0.0, 0.0)
+    return Taken(Frame(performer, time, np.zeros((len(STICK.joints), 3))), 0.0)
 
 
 def test_of_a_performers_frames_some_wait() -> None:
     """The newest frame, those before at a distance, as many as an answer needs; and all announcements."""
-    overload, named = Overload(), Taken(Announcement("a", STICK.joints), 0.0, 0.0)
+    overload, named = Overload(), Taken(Announcement("a", STICK.joints), 0.0)
     overload.keep([named, *(_taken("a", place / 120) for place in range(240))], 0.0)
     kept = overload.turns(1)
     assert kept[0] == named

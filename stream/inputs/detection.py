@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kinespace.library import Clip, Skeleton
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
+from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS
 from kinespace.library.recordings.remarks import remarks
 from kinespace.stream.feeds.preset import Preset
 from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
@@ -95,7 +96,9 @@ class Heard:
     def remarks(self) -> list[str]:
         """Say how times are read that are not seconds, and what is odd about the body, as of a recording's."""
         times = [self.clock.verdict.note] if self.clock.verdict.note else []
-        if not (self.rate and self.positions):
+        # A stranger may announce any joints.
+        is_body = MIN_JOINTS <= len({*self.joints}) == len(self.joints) <= MAX_JOINTS
+        if not (is_body and self.rate and self.positions):
             return times
         return [*times, *remarks(Clip(Skeleton(self.joints), np.array(self.positions), self.rate))]
 

@@ -23,7 +23,7 @@ from kinespace.stream.inputs.detection import Survey
 from kinespace.stream.inputs.kinerec import Recorder
 from kinespace.stream.osc.messages import beginning_of
 from kinespace.stream.osc.packet import encode_message
-from kinespace.stream.osc.udp import OscReceiver, resolved
+from kinespace.stream.osc.udp import LookedUp, OscReceiver
 from kinespace.stream.packet import Packet, Sender, remember, sender_name
 from kinespace.stream.status import InputCounts
 from kinespace.stream.teaching.commands import Asked
@@ -366,11 +366,6 @@ class FeedSource(Source):
     ----------
     unasked
         Packets to the sender that the system would not send.
-
-    Raises
-    ------
-    OSError
-        The sender's host cannot be found.
     """
 
     decoder: FeedDecoder
@@ -382,7 +377,7 @@ class FeedSource(Source):
         super().__init__(receiver, FeedDecoder(preset), admission)
         self.unasked = 0
         self._asked = -math.inf
-        self._sender = resolved(sender, preset.asking.port)[2] if preset.asking else None
+        self._sender = LookedUp(sender, preset.asking.port) if preset.asking else None
 
     def __str__(self) -> str:
         return f"{self.preset.name} {str(self.receiver).partition(' ')[2]}"
@@ -398,8 +393,9 @@ class FeedSource(Source):
     def _send(self, messages: Sequence[AskedMessage]) -> None:
         if self._sender is None or not isinstance(self.receiver, OscReceiver):
             return
-        for packet in packets_for_sender(self.preset, messages, self.receiver.address[1]):
-            self.unasked += not self.receiver.send_to(packet, self._sender)
+        target = self._sender.address
+        packets = packets_for_sender(self.preset, messages, self.receiver.address[1])
+        self.unasked += sum(target is None or not self.receiver.send_to(packet, target) for packet in packets)
 
     def close(self) -> None:
         """Ask the sender to stop, and close the socket."""

@@ -3,6 +3,7 @@
 import socket
 import struct
 import sys
+import threading
 import time
 from functools import lru_cache
 from typing import Any
@@ -20,9 +21,11 @@ _SO_TIMESTAMPNS = 35
 _TIMESPEC = struct.Struct("@ll")
 #: Seconds that no datagram waits: a longer wait means that the clock of the day was set.
 _MAX_WAITED = 300.0
+#: Seconds between two attempts to look a host up.
+_LOOK_UP_EVERY = 5.0
 
 
-def resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
+def _resolved(host: str, port: int) -> tuple[int, int, tuple[Any, ...]]:
     """Look a host up: address family, socket kind and socket address; raises OSError naming the host."""
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -40,6 +43,31 @@ def is_ours(host: str) -> bool:
         except OSError:
             return False
     return True
+
+
+class LookedUp:
+    """A host that a thread looks up: a name server may take half a minute, and the feed must not wait.
+
+    Parameters
+    ----------
+    host, port
+        As typed.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        #: The numeric address; None until it is known.
+        self.address: tuple[Any, ...] | None = None
+        try:
+            self.address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST)[0][4]
+        except OSError:
+            threading.Thread(target=self._look_up, args=(host, port), name="kinespace look-up", daemon=True).start()
+
+    def _look_up(self, host: str, port: int) -> None:
+        while self.address is None:
+            try:
+                self.address = _resolved(host, port)[2]
+            except OSError:
+                time.sleep(_LOOK_UP_EVERY)
 
 
 class OscReceiver:
@@ -71,7 +99,7 @@ class OscReceiver:
     """
 
     def __init__(self, host: str, port: int, networks: Networks = ()) -> None:
-        family, kind, address = resolved(host, port)
+        family, kind, address = _resolved(host, port)
         self._networks = networks
         self._is_admitted = lru_cache(maxsize=1024)(lambda host: is_within(host, networks))
         self.socket = socket.socket(family, kind)
@@ -158,7 +186,7 @@ class OscSender:
     def __init__(self, host: str, port: int, *, asks: bool = False) -> None:
         if not port:
             raise ValueError(f"address: expected HOST:PORT, the port from 1 to 65535, got '{host}:0'")
-        family, kind, address = resolved(host, port)
+        family, kind, address = _resolved(host, port)
         self.target: tuple[Any, ...] = address
         self.socket = socket.socket(family, kind)
         self.socket.settimeout(0.0)

@@ -3,6 +3,7 @@
 import dataclasses
 import select
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -12,10 +13,10 @@ from fakes import NAMED, params_of
 from programs import LOOPBACK
 
 from kinespace.stream import Event, EventKind, osc
-from kinespace.stream.osc import decode_packet
+from kinespace.stream.osc import decode_packet, udp
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.osc.packet import Message
-from kinespace.stream.osc.udp import RECEIVE_BUFFER
+from kinespace.stream.osc.udp import RECEIVE_BUFFER, LookedUp
 from kinespace.stream.status import InputCounts, PerformerCounts, Status
 
 # --- packets byte by byte ----------------------------------------------------------------------------------------
@@ -142,6 +143,27 @@ def test_datagrams_that_reach_no_program_are_counted_on_request(receiver: osc.Os
             asking.send(b"x")
             sender.send(b"x")
         assert [(each.unheard, each.failed) for each in (asking, asking, sender)] == [(3, 0), (3, 0), (0, 0)]
+
+
+def test_a_host_is_looked_up_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers are an address at once; a name becomes one in a thread, when the name server answers."""
+    assert LookedUp(LOOPBACK, 9).address == (LOOPBACK, 9)
+    resolved, failing = udp._resolved, [True, True]  # noqa: SLF001 - in place of a name server
+
+    def answer(host: str, port: int) -> object:
+        # An earlier test's look-up may still be trying.
+        if failing and host == "stage.local":
+            failing.pop()
+            raise OSError
+        return resolved(LOOPBACK, port)
+
+    monkeypatch.setattr(udp, "_resolved", answer)
+    pauses: list[float] = []
+    monkeypatch.setattr(udp.time, "sleep", pauses.append)
+    others, found = {*threading.enumerate()}, LookedUp("stage.local", 9)
+    for thread in {*threading.enumerate()} - others:
+        thread.join()
+    assert (found.address, pauses) == ((LOOPBACK, 9), [5.0, 5.0])
 
 
 def test_this_machines_addresses_are_known() -> None:

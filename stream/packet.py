@@ -53,7 +53,6 @@ class IdleSource:
     place = ""
     #: Notes for a person, a line each.
     notes: Sequence[str] = ()
-    #: Nothing is due by the clock.
-    tended_within = patience = math.inf
+    patience = math.inf
     waited = lag = 0.0
     has_put_aside = False

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -324,24 +325,38 @@ class Recognition:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """One recognition as a receiver reads it off the wire, by any transport.
+class Answer(msgspec.Struct, rename={"class_name": "class"}):
+    """One recognition as a receiver reads it off the wire: by OSC up to the margin.
 
     Attributes
     ----------
     performer
         The performer's name.
-    class_index
-        Index of the named class, -1 for none.
+    class_name, index
+        The named class and its index; None and -1 for none.
+    outcome
+        The word that says why no class is named.
     score, margin
         Score and margin of the best class, 0 to 1.
-    label
-        The class's name, or the word that says why no class is named.
+    guess
+        The best class, also where none is named.
+    scores
+        By class.
+    progress
+        As in a recognition.
     """
 
     performer: str
-    class_index: int
+    class_name: str | None
+    index: int
+    outcome: str
     score: float
     margin: float
-    label: str
+    guess: str | None = None
+    scores: dict[str, float] = {}
+    progress: dict[str, str | float] | None = None
+
+    @property
+    def label(self) -> str:
+        """The class's name, or the word that says why no class is named."""
+        return self.class_name or self.outcome

@@ -132,7 +132,7 @@ def _text() -> str:
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-def _encoded(value: object) -> object:
+def encoded_numbers(value: object) -> object:
     """Encode arrays, also how they lie in memory, and numbers of numpy's."""
     if isinstance(value, np.ndarray):
         order: Literal["C", "F"] = "F" if value.flags.fnc else "C"
@@ -140,7 +140,7 @@ def _encoded(value: object) -> object:
     return value.item()  # type: ignore[attr-defined]
 
 
-def _decoded(_: object, value: Any) -> NDArray[np.generic]:  # noqa: ANN401 - of a file
+def decoded_numbers(_: object, value: Any) -> NDArray[np.generic]:  # noqa: ANN401 - of any message
     """Decode an array; no other field is of a kind that msgspec does not know."""
     kind, shape, order, numbers = value
     return np.frombuffer(numbers, kind).reshape(shape, order=order).copy(order)
@@ -161,7 +161,7 @@ def _read(path: Path) -> Numbers:
     digest, numbers = content[:32], content[32:]
     if hashlib.sha256(numbers).digest() != digest:
         raise ValueError(f"{path}: damaged")
-    read: Numbers = msgspec.msgpack.decode(numbers, type=Numbers, dec_hook=_decoded)
+    read: Numbers = msgspec.msgpack.decode(numbers, type=Numbers, dec_hook=decoded_numbers)
     # The oldest file goes first.
     os.utime(path)
     return read
@@ -172,7 +172,7 @@ def _write(path: Path, numbers: Numbers) -> None:
     folder = path.parent
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     _require_own(folder)
-    content = msgspec.msgpack.encode(numbers, enc_hook=_encoded)
+    content = msgspec.msgpack.encode(numbers, enc_hook=encoded_numbers)
     with tempfile.NamedTemporaryFile(dir=folder, prefix="new-", delete=False) as new:
         try:
             new.write(hashlib.sha256(content).digest() + content)

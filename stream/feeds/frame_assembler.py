@@ -26,6 +26,7 @@ from kinespace.stream.feeds.message_reader import Mapper, MessageError, Reading,
 from kinespace.stream.feeds.preset import Closing, Means, Preset
 from kinespace.stream.frame import Announcement, Frame
 from kinespace.stream.osc.packet import Message
+from kinespace.stream.status import InputCounts
 
 #: Performers of one feed at once, at most.
 MAX_PERFORMERS = 64
@@ -51,18 +52,18 @@ _NOWHERE = (math.nan, math.nan, math.nan)
 
 
 @dataclass(slots=True)
-class AssemblerCounts:
-    """Counts of messages and joints, by their fate."""
+class AssemblerCounts(InputCounts):
+    """Counts of messages and joints, by their fate.
 
-    #: Messages with an address of the preset but other arguments.
-    malformed: int = 0
-    #: Messages that the preset does not know.
-    foreign: int = 0
+    A malformed message has an address of the preset but other arguments; a foreign one the preset does not know, or it
+    names none of its joints.
+    """
+
+    #: Messages that were read.
+    understood: int = 0
     #: Frames given out.
     frames: int = 0
-    #: Frames refused because too many joints were absent for too long, or never came.
-    incomplete: int = 0
-    #: Frames refused because a joint is impossibly far.
+    #: Frames refused because a joint is impossibly far; they count as incomplete, too.
     absurd: int = 0
     #: Joints that came after their frame was closed.
     late: int = 0
@@ -88,8 +89,9 @@ class _Packet(NamedTuple):
 
 @dataclass(slots=True)
 class _Body:
-    """One performer's open frame."""
+    """One performer's open frame; the performer's name as frames have it."""
 
+    name: str
     sender: int
     last_message: float
     open: dict[str, Sighting] = field(default_factory=dict)
@@ -139,6 +141,12 @@ class FrameAssembler:
         self._axes = np.array([axis for axis, _ in preset.axes])
         self._metres = np.array([sign for _, sign in preset.axes]) * np.array(preset.metres)[self._axes]
 
+    @property
+    def never_seen(self) -> set[str]:
+        """The joints, by the library's names, that were absent from every frame."""
+        closed = self.counts.closed_by.total()
+        return {joint for joint, frames in self.counts.absent.items() if frames == closed}
+
     def push(
         self, messages: Sequence[Message], arrival: float, *, bundle: bool = False, sender: int = 1
     ) -> list[Frame | Announcement]:
@@ -161,7 +169,6 @@ class FrameAssembler:
         """
         packet = _Packet(arrival, sender, bundle)
         given = self.expire(arrival)
-        touched = dict[str, None]()
         for message in messages:
             try:
                 reading = self.mapper.read(message)
@@ -171,58 +178,61 @@ class FrameAssembler:
                 continue
             if reading is None or reading.means is Means.NOTHING:
                 self.counts.foreign += 1
-            elif reading.means not in (Means.NAME, Means.ORDER):
-                touched |= dict.fromkeys(self._take(reading, packet))
+                continue
+            is_nobodys = reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings
+            self.counts.foreign += is_nobodys
+            self.counts.understood += not is_nobodys
+            if reading.means not in (Means.NAME, Means.ORDER):
+                self._take(reading, packet)
         if bundle:
-            for name in touched:
-                self._end_bundle(name)
+            for body in self._bodies.values():
+                if body.last_message == arrival:
+                    self._end_bundle(body)
         given += self._out
         self._out = []
         return given
 
     def expire(self, now: float) -> list[Frame | Announcement]:
         """Close frames that wait for too long, and forget silent performers; give what was completed until now."""
-        for name, body in list(self._bodies.items()):
+        for body in list(self._bodies.values()):
             silent = now - body.last_message
             timeout = min(self.preset.closings.timeout, _PAUSE * body.interval)
             if body.open and Closing.TIMEOUT in self.preset.closings.by and silent > timeout:
-                self._close(name, body, Closing.TIMEOUT)
+                self._close(body, Closing.TIMEOUT)
             if silent > FORGET_AFTER:
-                del self._bodies[name]
+                del self._bodies[body.name]
         given, self._out = self._out, []
         return given
 
-    def _take(self, reading: Reading, packet: _Packet) -> Sequence[str]:
-        """Take in one message; give the performers it is about."""
+    def _take(self, reading: Reading, packet: _Packet) -> None:
+        """Take in one message."""
         if reading.performer is None and reading.means in (Means.TIME, Means.BEGIN) and reading.time is not None:
             self._sender_times[packet.sender] = reading.time
-        names = self._names(reading, packet.sender)
-        for name in names:
+        for name in self._names(reading, packet.sender):
             body = self._bodies.get(name) or self._new_body(name, reading, packet)
             if body is not None:
                 body.last_message = packet.arrival
-                self._take_for(name, body, reading, packet)
-        return names
+                self._take_for(body, reading, packet)
 
-    def _take_for(self, name: str, body: _Body, reading: Reading, packet: _Packet) -> None:
+    def _take_for(self, body: _Body, reading: Reading, packet: _Packet) -> None:
         if not reading.present:
             if body.open:
-                self._close(name, body, Closing.END)
+                self._close(body, Closing.END)
             body.seen.clear()
         elif reading.means in (Means.BEGIN, Means.END):
             body.ending |= packet.is_bundle and reading.means is Means.END
             if body.open and not body.ending:
-                self._close(name, body, Closing.END)
+                self._close(body, Closing.END)
             body.time = reading.time if reading.time is not None else body.time
         elif reading.means is Means.TIME:
             body.time = reading.time
         else:
             is_whole = reading.means is Means.FRAME
             if is_whole and body.open:
-                self._close(name, body, Closing.REPEAT)
-            self._add(name, body, reading, packet.arrival)
+                self._close(body, Closing.REPEAT)
+            self._add(body, reading, packet.arrival)
             if is_whole and body.open:
-                self._close(name, body, Closing.COMPLETE)
+                self._close(body, Closing.COMPLETE)
 
     def _names(self, reading: Reading, sender: int) -> Sequence[str]:
         """Give the performers that a message is about: all of its sender's if it names none and is no joint."""
@@ -242,12 +252,12 @@ class FrameAssembler:
             self.counts.no_room += 1
             return None
         last = self._sender_times.get(packet.sender)
-        body = self._bodies[name] = _Body(packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
-        return body
+        self._bodies[name] = _Body(name, packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
+        return self._bodies[name]
 
-    def _add(self, name: str, body: _Body, reading: Reading, arrival: float) -> None:
+    def _add(self, body: _Body, reading: Reading, arrival: float) -> None:
         """Take in a joint, or several that came together."""
-        if reading.time is not None and not self._in_time(name, body, reading.time):
+        if reading.time is not None and not self._in_time(body, reading.time):
             self.counts.late += len(reading.sightings)
             return
         for sighting in reading.sightings:
@@ -258,7 +268,7 @@ class FrameAssembler:
             if sighting.joint in body.open and self._is_straggler(body):
                 self.counts.late += 1
             elif sighting.joint in body.open and Closing.REPEAT in self.preset.closings.by:
-                self._close(name, body, Closing.REPEAT)
+                self._close(body, Closing.REPEAT)
             if not body.open:
                 body.opened = arrival
             body.time = body.time if reading.time is None else reading.time
@@ -270,9 +280,9 @@ class FrameAssembler:
         # The count is quick, and excludes all but the last joints.
         all_here = len(body.open) >= len(self._targets) and self._has_all(body.open)
         if all_here and Closing.COMPLETE in self.preset.closings.by:
-            self._close(name, body, Closing.COMPLETE)
+            self._close(body, Closing.COMPLETE)
 
-    def _in_time(self, name: str, body: _Body, time: float) -> bool:
+    def _in_time(self, body: _Body, time: float) -> bool:
         """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""
         reference = body.time if body.open else body.closed_time
         if reference is None or (body.open and time == reference):
@@ -280,7 +290,7 @@ class FrameAssembler:
         if reference - _NEW_CLOCK < time <= reference:
             return False
         if body.open:
-            self._close(name, body, Closing.REPEAT)
+            self._close(body, Closing.REPEAT)
         return True
 
     def _is_straggler(self, body: _Body) -> bool:
@@ -295,13 +305,10 @@ class FrameAssembler:
     def _has_all(self, joints: Iterable[str]) -> bool:
         return {self._needed.get(joint) for joint in joints}.issuperset(self._targets)
 
-    def _end_bundle(self, name: str) -> None:
-        body = self._bodies.get(name)
-        if body is None:
-            return
+    def _end_bundle(self, body: _Body) -> None:
         ended, body.ending = body.ending, False
         if body.open and ended:
-            self._close(name, body, Closing.END)
+            self._close(body, Closing.END)
         # With every joint that came lately, and not until all joints have come once.
         elif (
             body.open
@@ -309,9 +316,9 @@ class FrameAssembler:
             and len(body.open) >= self._coming(body)
             and (self.preset.bones or self.preset.closings.some or self._has_all(body.seen))
         ):
-            self._close(name, body, Closing.BUNDLE)
+            self._close(body, Closing.BUNDLE)
 
-    def _close(self, name: str, body: _Body, by: Closing) -> None:
+    def _close(self, body: _Body, by: Closing) -> None:
         """Give out the open frame, or refuse it; in either case the next frame begins."""
         moment = self._moment(body)
         scraps = by is not Closing.COMPLETE and self._is_straggler(body)
@@ -337,14 +344,15 @@ class FrameAssembler:
         if self.preset.guessed:
             positions = body_of(self._targets, positions)
         try:
-            frame = Frame(name, moment, positions)
+            frame = Frame(body.name, moment, positions)
         except ValueError:
             self.counts.absurd += 1
+            self.counts.incomplete += 1
             return
         self.counts.frames += 1
         if body.announced != named:
             body.announced = named
-            self._out.append(Announcement(name, named))
+            self._out.append(Announcement(body.name, named))
         self._out.append(frame)
 
     def _moment(self, body: _Body) -> float:

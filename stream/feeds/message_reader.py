@@ -75,13 +75,13 @@ class Mapper:
 
     Attributes
     ----------
-    unknown
-        Some of the joints that were sent and that the preset does not name.
+    known, unknown
+        The joints that were sent, by the preset's names, and some of those that it does not name.
     """
 
     def __init__(self, preset: Preset) -> None:
         self.preset = preset
-        self.unknown: set[str] = set()
+        self.known, self.unknown = dict[str, None](), set[str]()
         self._names = {spelling(name): name for name in preset.joint_map}
         self._order = preset.order
         self._taught: dict[tuple[str | None, str], str] = {}
@@ -97,23 +97,17 @@ class Mapper:
             The preset knows the address, but with other arguments.
         """
         ways = [way for way in self._ways(message.address) if way.literals_fit(message.arguments)]
-        best, why = None, ""
+        why = ""
         for way in ways:
+            # Groups of another length may fit the count, but they have numbers in the place of names.
             try:
-                reading = self._read(way, message.arguments)
+                if reading := self._read(way, message.arguments):
+                    return reading
             except (TypeError, OverflowError) as error:
                 why = f": {error}"
-                continue
-            if reading is None:
-                continue
-            if reading.means is not Means.FRAME or len(ways) == 1:
-                return reading
-            # Groups of one length can look like groups of another: the names in them decide.
-            if best is None or len(reading.sightings) > len(best.sightings):
-                best = reading
-        if ways and best is None:
+        if ways:
             raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}{why}")
-        return best
+        return None
 
     def _find_ways(self, address: str) -> "list[_Way]":
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()
@@ -176,7 +170,9 @@ class Mapper:
         if found is None and self.preset.closings.some and (spelled := known_as(known)):
             # However it is written, it is one joint: senders cannot invent many.
             found = self._names.setdefault(spelled, known)
-        if found is None and len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
+        if found is not None:
+            self.known[found] = None
+        elif len(self.unknown) < _MAX_UNKNOWN and not known.isdigit():
             self.unknown.add(known)
         return found
 

@@ -14,8 +14,6 @@ from kinespace.stream.teaching.commands import Asked, CommandError
 from kinespace.stream.zeromq import Endpoint, Keyring
 
 _TEACH, _RESET = commands.TEACH.encode(), commands.RESET.encode()
-#: Bytes of a datagram in which an address may end, at most.
-_MAX_ADDRESS = 512
 #: Commands of a sender that are obeyed in a second, and at once.
 _A_SECOND = 20
 #: Senders whose commands are counted, at most.
@@ -83,11 +81,7 @@ class CommandReader:
     def read(self, packet: Packet, sender: Sender, now: float) -> Sequence[Asked] | None:
         """Read a packet's commands; None for a packet that holds none: hundreds of frames come each second."""
         datagram = datagram_of(packet)
-        if datagram.startswith(b"#bundle"):
-            holds = _TEACH in datagram or _RESET in datagram
-        else:
-            holds = datagram.startswith(_TEACH) or datagram.find(_RESET, 0, _MAX_ADDRESS) > 0
-        if not holds:
+        if _TEACH not in datagram and _RESET not in datagram:
             return None
         mistake, given, self.others = "", list[commands.Command](), 1
         try:

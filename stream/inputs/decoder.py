@@ -14,9 +14,9 @@ from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
 from kinespace.stream.frame import Input
 from kinespace.stream.osc.messages import decode as decode_datagram
 from kinespace.stream.osc.packet import PacketError
-from kinespace.stream.packet import Packet, Sender, datagram_of, parts_of
+from kinespace.stream.packet import Packet, Sender, datagram_of
 from kinespace.stream.status import InputCounts, Refusals
-from kinespace.stream.zeromq.messages import NumberedFrame, SequenceGaps, decode_packed
+from kinespace.stream.zeromq.messages import SequenceGaps
 from kinespace.stream.zeromq.messages import decode as decode_message
 
 #: First bytes of OSC packets, which some programs send unchanged: a map begins with another byte.
@@ -25,8 +25,8 @@ _OSC = (b"/", b"#bundle\0")
 _MAPS = frozenset([*(bytes([0x80 + fields]) for fields in range(16)), b"\xde", b"\xdf"])
 
 
-class OscDecoder:
-    """Reads our own OSC messages.
+class OwnDecoder:
+    """Reads our own messages: OSC packets, and ZeroMQ messages of several parts or of one part in msgpack or OSC.
 
     Attributes
     ----------
@@ -44,9 +44,10 @@ class OscDecoder:
     def __init__(self) -> None:
         self.counts = InputCounts()
         self.refusals = Refusals()
+        self._gaps = SequenceGaps()
 
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
-        """Decode a datagram.
+        """Decode a datagram, or a ZeroMQ message.
 
         Parameters
         ----------
@@ -62,10 +63,23 @@ class OscDecoder:
         Its frames and announcements in order, and frames that it completed.
         """
         self.counts.received += 1
-        events, refused = decode_datagram(packet if isinstance(packet, bytes) else datagram_of(packet), arrival)
-        for kind, reason in refused:
-            self._refuse(kind, reason, sender, packet)
-        return events
+        if isinstance(packet, bytes) or (len(packet) == 1 and packet[0].startswith(_OSC)):
+            events, refused = decode_datagram(datagram_of(packet), arrival)
+            for kind, reason in refused:
+                self._refuse(kind, reason, sender, packet)
+            return events
+        first = packet[0] if packet else b""
+        if not first.startswith(b"frame/") and (len(packet) != 1 or first[:1] not in _MAPS):
+            self._refuse("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
+            return ()
+        try:
+            frame, seq, announcement = decode_message(packet, arrival)
+        except (ValueError, RecursionError) as error:
+            self._refuse("malformed", str(error), sender, packet)
+            return ()
+        self._gaps.see(frame.performer, seq)
+        self.counts.missing = self._gaps.missing
+        return (announcement, frame) if announcement else (frame,)
 
     def _refuse(self, kind: str, reason: str, sender: Sender, packet: Packet) -> None:
         self.counts.malformed += kind == "malformed"
@@ -75,37 +89,6 @@ class OscDecoder:
     def expire(self, now: float) -> Sequence[Input]:  # noqa: ARG002 - nothing stays open
         """Give nothing: each message is a whole frame."""
         return ()
-
-
-class ZmqDecoder(OscDecoder):
-    """Reads our own ZeroMQ messages: of several parts, of one part in msgpack, and OSC packets in one part."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._gaps = SequenceGaps()
-
-    def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
-        """Decode a message."""
-        parts = parts_of(packet)
-        if len(parts) == 1 and parts[0].startswith(_OSC):
-            return super().decode(parts[0], arrival, sender)
-        self.counts.received += 1
-        try:
-            if parts and parts[0].startswith(b"frame/"):
-                return self._counted(decode_message(parts, arrival))
-            if len(parts) == 1 and parts[0][:1] in _MAPS:
-                return self._counted(decode_packed(parts[0], arrival))
-        except (ValueError, RecursionError) as error:
-            packed = "" if parts[0].startswith(b"frame/") else "msgpack: "
-            self._refuse("malformed", f"{packed}{error}", sender, packet)
-        else:
-            self._refuse("foreign", "neither a frame nor one part in msgpack or OSC", sender, packet)
-        return ()
-
-    def _counted(self, numbered: NumberedFrame) -> Sequence[Input]:
-        self._gaps.see(numbered.frame.performer, numbered.seq)
-        self.counts.missing = self._gaps.missing
-        return (numbered.announcement, numbered.frame) if numbered.announcement else (numbered.frame,)
 
 
 #: Senders to one port at once, and ports of one of their hosts that are remembered.
@@ -126,41 +109,35 @@ class FeedDecoder:
     ----------
     assembler
         Makes frames of the joints.
+    counts
+        Counts of packets, and of the assembler.
     """
 
     expires = True
 
     def __init__(self, preset: Preset) -> None:
         self.assembler = FrameAssembler(preset)
+        self.counts = self.assembler.counts
         self._unpack = UNPACKERS[preset.packing]()
         self._whole = preset.packing not in LOOSE
-        self._received = self._undecodable = 0
         self._senders = SenderNumbers()
         self.refusals = Refusals()
 
-    @property
-    def counts(self) -> InputCounts:
-        """Counts of packets, and of packets that could not be read."""
-        made = self.assembler.counts
-        bad, never = self._undecodable + made.malformed, made.incomplete + made.absurd
-        return InputCounts(self._received, malformed=bad, foreign=made.foreign, incomplete=never)
-
     def decode(self, packet: Packet, arrival: float, sender: Sender) -> Sequence[Input]:
         """Decode one packet; give the frames that it completed."""
-        self._received += 1
+        self.counts.received += 1
         datagram = datagram_of(packet)
         try:
             messages = self._unpack(datagram)
         except PacketError as error:
-            self._undecodable += 1
+            self.counts.malformed += 1
             self.refusals.note("malformed", str(error), sender, packet)
             return ()
         host, port = sender or ("", 0)
         number = self._senders.number(host, arrival, port, messages[0].address if messages else "")
-        counts = self.assembler.counts
-        malformed = counts.malformed
+        malformed = self.counts.malformed
         made = self.assembler.push(messages, arrival, bundle=self._whole or datagram[:1] == b"#", sender=number)
-        if counts.malformed > malformed:
+        if self.counts.malformed > malformed:
             self.refusals.note("malformed", self.assembler.why_malformed, sender, packet)
         return made
 
@@ -169,7 +146,7 @@ class FeedDecoder:
         return self.assembler.expire(now)
 
 
-Decoder = OscDecoder | FeedDecoder
+Decoder = OwnDecoder | FeedDecoder
 
 
 @dataclass(slots=True)

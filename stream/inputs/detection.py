@@ -8,16 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinespace.library import Clip, Skeleton
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05
-from kinespace.stream.feeds.frame_assembler import FrameAssembler
-from kinespace.stream.feeds.message_reader import Mapper, MessageError
-from kinespace.stream.feeds.preset import Means, Preset
-from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS, Unpacker
-from kinespace.stream.frame import Announcement, Frame
+from kinespace.library.recordings.formats.joint_choice import MAX_JOINTS
+from kinespace.library.recordings.remarks import remarks
+from kinespace.stream.feeds.preset import Preset
+from kinespace.stream.feeds.unpackers import UNPACKERS, Unpacker
+from kinespace.stream.frame import Announcement, Input
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder
-from kinespace.stream.osc.messages import SKELETON, decode
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OwnDecoder
+from kinespace.stream.osc.messages import SKELETON
 from kinespace.stream.osc.packet import Message, PacketError
 from kinespace.stream.packet import Packet, Sender, datagram_of, sender_name
 
@@ -34,12 +35,8 @@ OURS = ("/motion/frame", SKELETON)
 _PACKINGS = ("osc", "rokoko", "zigsim", "xsens")
 #: Share of a preset's joints that must come for the preset to fit.
 _LIKELY = 0.25
-#: Share of its length by which a segment may change.
-_STRETCHES = 0.1
-#: Share of the segments that may change by more.
-_MANY = 0.25
 _NUMBERED = re.compile(r"\d+")
-_TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N", list: "[", tuple: "m"}
+_TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N"}
 
 
 @dataclass(slots=True)
@@ -61,6 +58,51 @@ class Kind:
         return (self.count - 1) / (self.last - self.first) if self.last > self.first else 0.0
 
 
+@dataclass(slots=True)
+class Heard:
+    """What came of one performer: its joints by our names, and what its frames show."""
+
+    joints: tuple[str, ...] = hdm05.SKELETON.joints
+    came: set[str] = field(default_factory=set)
+    #: The arrivals of frames with all of these joints, and how many frames had another number of them.
+    times: list[float] = field(default_factory=list)
+    refused: int = 0
+    clock: SenderClock = field(default_factory=SenderClock)
+    #: The positions of the frames of which no joint is lost.
+    positions: list[NDArray[np.floating]] = field(default_factory=list)
+
+    def take(self, event: Input, arrival: float) -> None:
+        """Take in a frame, or the names of its joints."""
+        if isinstance(event, Announcement):
+            self.joints = Naming().read(event.joints).joints
+            self.came.update(self.joints)
+            self.positions.clear()
+            return
+        self.clock.read(event.time, arrival)
+        self.came.update(self.joints[: len(event.positions)])
+        if len(self.joints) != len(event.positions):
+            self.refused += 1
+            return
+        self.times.append(arrival)
+        if np.isfinite(event.positions).all():
+            self.positions.append(event.positions)
+
+    @property
+    def rate(self) -> float:
+        """Frames a second; 0 for less than two moments."""
+        span = self.times[-1] - self.times[0] if self.times else 0.0
+        return (len(self.times) - 1) / span if span > 0 else 0.0
+
+    def remarks(self) -> list[str]:
+        """Say how times are read that are not seconds, and what is odd about the body, as of a recording's."""
+        times = [self.clock.verdict.note] if self.clock.verdict.note else []
+        # A stranger may announce any joints.
+        is_body = MIN_JOINTS <= len({*self.joints}) == len(self.joints) <= MAX_JOINTS
+        if not (is_body and self.rate and self.positions):
+            return times
+        return [*times, *remarks(Clip(Skeleton(self.joints), np.array(self.positions), self.rate))]
+
+
 class Guess(NamedTuple):
     """How well a preset explains the messages.
 
@@ -74,12 +116,14 @@ class Guess(NamedTuple):
         Joints that came, by the motion library's names.
     frames, refused
         Frames made of the messages, and frames that lack too many joints.
-    times
-        The arrivals of each performer's frames, seconds.
+    heard
+        What came of each performer.
     unknown
         Joints that came and that the preset does not name.
     at_rest
         Bones that never came, and stay as they are in the standard skeleton.
+    refusals
+        The last packets that could not be read, with the reason, a line each.
     """
 
     preset: Preset
@@ -87,9 +131,10 @@ class Guess(NamedTuple):
     joints: tuple[str, ...]
     frames: int
     refused: int
-    times: Mapping[str, Sequence[float]]
+    heard: Mapping[str, Heard]
     unknown: tuple[str, ...] = ()
     at_rest: tuple[str, ...] = ()
+    refusals: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -98,11 +143,14 @@ class Guess(NamedTuple):
         return () if self.preset.closings.some else tuple(absent)
 
     @property
+    def performers(self) -> list[str]:
+        """The performers of whom frames came."""
+        return [name for name, each in self.heard.items() if each.times]
+
+    @property
     def rate(self) -> float:
         """Frames a second of the performer with the most frames; 0 for none."""
-        longest = max(self.times.values(), key=len, default=())
-        span = longest[-1] - longest[0] if longest else 0.0
-        return (len(longest) - 1) / span if span > 0 else 0.0
+        return max(self.heard.values(), key=lambda each: len(each.times), default=Heard()).rate
 
 
 @dataclass(slots=True)
@@ -131,8 +179,6 @@ class Survey:
     kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
     _kept: list[tuple[bytes, float, Sender]] = field(default_factory=list)
-    #: The kept packets as each packing reads them, and how many there were then.
-    _read: dict[str, tuple[int, list[tuple[list[Message], float, bool]]]] = field(default_factory=dict)
 
     #: There is nothing to say of it as a recorder.
     note = ""
@@ -171,89 +217,35 @@ class Survey:
         kind.last = arrival
 
     def looked_at_as(self, preset: Preset) -> Guess:
-        """Read all packets by a preset, and say how well it fits."""
-        if preset.name == NATIVE and self.announced:
-            return self._as_our_own(preset)
-        assembler = FrameAssembler(preset)
-        understood = total = 0
-        joints = dict[str, None]()
-        times: dict[str, list[float]] = {}
-        for messages, arrival, bundle in self._unpacked_as(preset.packing):
-            for message in messages:
-                total += 1
-                joints_here = _joints_in(assembler.mapper, message)
-                if joints_here is not None:
-                    understood += 1
-                    joints |= dict.fromkeys(joints_here)
-            for made in assembler.push(messages, arrival, bundle=bundle):
-                if isinstance(made, Frame):
-                    times.setdefault(made.performer, []).append(arrival)
-        named = preset.named([*joints])
-        came = {*named.values()} - {""}
-        at_rest = tuple(name for name in preset.joint_map if name not in joints) if preset.bones and came else ()
-        if preset.bones and came:
-            # A bone that does not come stays at rest.
-            came = set(preset.sent)
-        return Guess(
-            preset,
-            understood / total if total else 0.0,
-            tuple(joint for joint in preset.sent if joint in came),
-            assembler.counts.frames if len(came) >= MIN_JOINTS else 0,
-            assembler.counts.incomplete,
-            times,
-            tuple(sorted(assembler.mapper.unknown or (set(joints) - set(named) if preset.closings.some else ()))),
-            at_rest,
-        )
-
-    def _as_our_own(self, preset: Preset) -> Guess:
-        """Read our own messages, whose senders name their joints, as the recogniser does: by our joint names."""
-        named = set(Naming().read(self.announced).joints)
-        frames, times = 0, dict[str, list[float]]()
-        for datagram, arrival, _ in self._kept:
-            for event in decode(datagram, arrival).events:
-                if isinstance(event, Frame) and len(event.positions) == len(self.announced):
-                    times.setdefault(event.performer, []).append(arrival)
-                frames += isinstance(event, Frame)
-        whole, joints = sum(map(len, times.values())), tuple(each for each in preset.sent if each in named)
-        ours = sum(kind.count for kind in self.kinds.values() if kind.address in OURS)
-        understood = ours / max(sum(kind.count for kind in self.kinds.values()), 1)
-        return Guess(preset, understood, joints, whole if len(joints) >= MIN_JOINTS else 0, frames - whole, times)
-
-    def findings(self, preset: Preset) -> tuple[dict[str, str], list[str], list[str]]:
-        """List the oddities of the packets, read by a preset.
-
-        Returns
-        -------
-        By performer, the conversion of times that are not seconds; performers many of whose segments change their
-        length by more than a tenth; and the last packets that could not be read, with the reason, a line each.
-        """
-        decoder: Decoder = OscDecoder() if preset.name == NATIVE else FeedDecoder(preset)
-        joints: dict[str, tuple[str, ...]] = {}
-        clocks: dict[str, SenderClock] = {}
-        lengths: dict[str, list[NDArray[np.float64]]] = {}
+        """Read all packets by a preset, as a recogniser reads them, and say how well it fits."""
+        decoder: Decoder = OwnDecoder() if preset.name == NATIVE else FeedDecoder(preset)
+        heard, events = dict[str, Heard](), 0
         for datagram, arrival, sender in self._kept:
             for event in decoder.decode(datagram, arrival, sender):
-                name = event.performer
-                if isinstance(event, Announcement):
-                    joints[name] = Naming().read(event.joints).joints
-                    lengths.pop(name, None)
-                    continue
-                clocks.setdefault(name, SenderClock()).read(event.time, arrival)
-                if len(named := joints.get(name, hdm05.SKELETON.joints)) == len(event.positions):
-                    lengths.setdefault(name, []).append(_segment_lengths(named, event.positions))
-        stretching = [name for name, rows in lengths.items() if _stretches(np.array(rows))]
-        notes = {name: clock.verdict.note for name, clock in clocks.items() if clock.verdict.note}
-        return notes, stretching, decoder.refusals.lines()
-
-    def _unpacked_as(self, packing: str) -> list[tuple[list[Message], float, bool]]:
-        """Give the kept packets as messages, by one packing; packets of other packings hold none."""
-        if packing not in self._read or self._read[packing][0] != len(self._kept):
-            unpack = UNPACKERS[packing]()
-            loose, read = packing in LOOSE, list[tuple[list[Message], float, bool]]()
-            for datagram, arrival, _ in self._kept:
-                read.append((_unpacked(unpack, datagram) or [], arrival, not loose or datagram[:1] == b"#"))
-            self._read[packing] = len(self._kept), read
-        return self._read[packing][1]
+                heard.setdefault(event.performer, Heard()).take(event, arrival)
+                events += 1
+        came, counts = set[str]().union(*(each.came for each in heard.values())), decoder.counts
+        unknown, at_rest, understood = list[str](), list[str](), events
+        if isinstance(decoder, FeedDecoder):
+            understood, mapper = decoder.counts.understood, decoder.assembler.mapper
+            named = preset.named([*mapper.known])
+            came = {*named.values()} - {"", *decoder.assembler.never_seen}
+            unknown = sorted(mapper.unknown or (set(mapper.known) - set(named) if preset.closings.some else ()))
+            if preset.bones and came:
+                # A bone that does not come stays at rest.
+                at_rest, came = [name for name in preset.joint_map if name not in mapper.known], set(preset.sent)
+        frames = sum(len(each.times) for each in heard.values())
+        return Guess(
+            preset,
+            understood / max(understood + counts.malformed + counts.foreign, 1),
+            tuple(joint for joint in preset.sent if joint in came),
+            frames if len(came) >= MIN_JOINTS else 0,
+            counts.incomplete + sum(each.refused for each in heard.values()),
+            heard,
+            tuple(unknown),
+            tuple(at_rest),
+            tuple(decoder.refusals.lines()),
+        )
 
     def guess(self, presets: Sequence[Preset]) -> Guess | None:
         """Give the preset that explains most of the packets, None when none explains any.
@@ -263,7 +255,8 @@ class Survey:
         guesses = [self.looked_at_as(preset) for preset in presets]
         # So many joints must come for a preset to fit.
         fewest = [MIN_JOINTS if each.closings.some else _LIKELY * len(each.sent) for each in presets]
-        likely = [each for each, least in zip(guesses, fewest, strict=True) if len(each.joints) >= least]
+        enough = zip(guesses, fewest, strict=True)
+        likely = [each for each, least in enough if each.understood and len(each.joints) >= least]
         return max(likely, key=_likelihood, default=None)
 
 
@@ -275,41 +268,9 @@ def _unpacked(unpack: Unpacker, datagram: bytes) -> list[Message] | None:
         return None
 
 
-def _segment_lengths(joints: Sequence[str], positions: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Measure the segments of a body in one frame (joints, 3): shape (segments,); empty where few joints are known."""
-    known = [name for name in hdm05.SKELETON.joints if name in joints]
-    if len(known) < MIN_JOINTS:
-        return np.empty(0)
-    there, parents = positions[[joints.index(name) for name in known]], np.array(hdm05.SKELETON.linked(known).parents)
-    children = np.flatnonzero(parents >= 0)
-    lengths: NDArray[np.float64] = np.linalg.norm(there[children] - there[parents[children]], axis=1)
-    return lengths
-
-
-def _stretches(lengths: NDArray[np.float64]) -> bool:
-    """Say whether many segments of (frames, segments) change by more than a tenth, apart from stray frames."""
-    # A segment with a lost end is not judged.
-    lengths = lengths[:, np.isfinite(lengths).all(axis=0)]
-    if not lengths.any():
-        return False
-    least, usual, most = np.percentile(lengths, [5, 50, 95], axis=0)
-    return bool(np.mean((most - least) > _STRETCHES * usual) > _MANY)
-
-
 def _likelihood(guess: Guess) -> tuple[bool, float, int]:
     share = len(guess.joints) / len(guess.preset.sent)
     return guess.frames > 0, guess.understood * share, len(guess.joints)
-
-
-def _joints_in(mapper: Mapper, message: Message) -> list[str] | None:
-    """Name the joints a message holds; None when the preset does not understand it."""
-    try:
-        reading = mapper.read(message)
-    except MessageError:
-        return None
-    if reading is None or (reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings):
-        return None
-    return [sighting.joint for sighting in reading.sightings if sighting.position is not None]
 
 
 def shortened(types: str) -> str:

@@ -14,10 +14,8 @@ import os
 import struct
 import threading
 import zlib
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from itertools import accumulate
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -107,17 +105,8 @@ def encode_packet(packet: RawPacket) -> bytes:
 
 
 def encode_header(header: RawHeader) -> bytes:
-    """Encode the header as one record.
-
-    Raises
-    ------
-    ValueError
-        The presets are larger than a record may be.
-    """
-    body = bytes([_HEADER]) + msgspec.json.encode(header)
-    if len(body) > MAX_RECORD:
-        raise ValueError(f"presets: expected at most {MAX_RECORD} bytes with the rest of the header, got {len(body)}")
-    return _record(body)
+    """Encode the header as one record; a preset is far smaller than a record may be."""
+    return _record(bytes([_HEADER]) + msgspec.json.encode(header))
 
 
 def _record(body: bytes) -> bytes:
@@ -173,8 +162,6 @@ class RawWriter:
     ------
     OSError
         The file exists, or cannot be written.
-    ValueError
-        The presets are larger than a header may be.
     """
 
     def __init__(self, path: Path, sources: Sequence[str], presets: Mapping[str, str] | None = None) -> None:
@@ -230,29 +217,25 @@ class RawWriter:
             self.trouble = error.strerror or str(error)
 
     def _sync(self) -> None:
-        """Write the waiting packets; after a failure the file holds the first ones whole, and the others wait again."""
+        """Write the waiting packets; after a failure the file is as before, and they wait again."""
         with self._lock:
             batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
-        rest = memoryview(b"".join(batch))
-        size, taken = len(rest), 0
+        written = memoryview(b"".join(batch))
+        taken = 0
         # Outside the lock, because the disk may take long.
         try:
-            while taken < size:
-                taken += self._file.write(rest[taken:])
+            while taken < len(written):
+                taken += self._file.write(written[taken:])
             os.fsync(self._file.fileno())
         except OSError:
-            # A disk that took everything and then failed may have kept nothing.
-            ends = [0, *accumulate(map(len, batch))]
-            kept = bisect_right(ends, taken if taken < size else 0) - 1
             with self._lock:
-                self._waiting = batch[kept:] + self._waiting
-                self._waiting_bytes += size - ends[kept]
-            self._whole += ends[kept]
+                self._waiting = batch + self._waiting
+                self._waiting_bytes += len(written)
             # First the place, because a disk that takes nothing at all refuses to cut the file, too.
             self._file.seek(self._whole)
             self._file.truncate()
             raise
-        self._whole += size
+        self._whole += len(written)
         self.trouble = ""
 
 

@@ -31,8 +31,6 @@ from kinespace.stream.zeromq import ZmqReceiver
 
 #: A port or a subscription on which packets come in.
 Receiver = OscReceiver | ZmqReceiver
-#: Seconds between two turns of most sources that have work to do even when no packet comes.
-TENDING = 0.02
 #: Senders that are named in the notes, at most.
 _MAX_NAMED = 3
 #: Packets of senders served last that are searched for a packet of another sender, at most.
@@ -94,8 +92,6 @@ class Source:
         Keeps every packet before it is decoded; None for no recording.
     pollable
         The socket.
-    tended_within
-        Seconds within which `tend` has work to do even when no packet comes; inf if it never has.
     commands
         Reads the commands among the packets; None where nobody listens to them.
     unread
@@ -113,7 +109,7 @@ class Source:
 
     def __init__(self, receiver: Receiver, decoder: Decoder, admission: Admission | None = None) -> None:
         self.receiver, self.pollable = receiver, receiver.socket
-        self.decoder, self.tended_within = decoder, TENDING if decoder.expires else math.inf
+        self.decoder = decoder
         self.recorder: Recorder | Survey | None = None
         self.commands: CommandReader | None = None
         self.place = str(self)

@@ -16,7 +16,7 @@ from kinespace.library.recordings.formats.measures import evened
 from kinespace.stream.feeds import Preset, builtin_preset, parse_preset
 from kinespace.stream.frame import Announcement, Frame, Input
 from kinespace.stream.inputs.clock import SenderClock
-from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OscDecoder, ZmqDecoder
+from kinespace.stream.inputs.decoder import Decoder, FeedDecoder, OwnDecoder
 from kinespace.stream.inputs.kinerec import RawFile, RawHeader, RawPacket
 from kinespace.stream.packet import Sender
 
@@ -60,15 +60,12 @@ def decoded(
 
 def _decoder(header: RawHeader, source: str, preset: Preset | None) -> Decoder:
     """Make the decoder of a source that a header names: `osc` or `zmq`, an address, perhaps `feed` and a preset."""
-    kind, _, rest = source.partition(" ")
-    name = rest.partition(" feed ")[2]
+    name = source.partition(" feed ")[2]
     if preset is None and name in header.presets:
         preset = parse_preset(header.presets[name], name, f"preset {name} in the recording")
     elif preset is None and name:
         preset = builtin_preset(name)
-    if preset:
-        return FeedDecoder(preset)
-    return OscDecoder() if kind == "osc" else ZmqDecoder()
+    return FeedDecoder(preset) if preset else OwnDecoder()
 
 
 def _sender(packet: RawPacket) -> Sender:

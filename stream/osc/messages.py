@@ -199,9 +199,6 @@ def encode_announcement(announcement: Announcement) -> bytes:
 
 #: Bytes of an answer, at most. Most networks cut larger datagrams into fragments, and one lost fragment loses all.
 MAX_ANSWER = 1200
-_CLASS = struct.Struct(">iff")
-_SIZE = struct.Struct(">i")
-_PROGRESS = struct.Struct(">ifffffi")
 _MAX_INTEGER = 2**31 - 1
 #: The largest number that OSC holds as a float.
 _MAX_FLOAT = (2 - 2**-23) * 2.0**127
@@ -217,35 +214,35 @@ def encode_recognition(recognition: Recognition) -> bytes:
 
     In a library of more than some 200 classes the scores do not fit and are left out; class and label always fit.
     """
-    heads = _answer_heads(recognition.performer, len(recognition.scores))
-    class_head, guess_head, so_far_head, label_head, scores_head, _ = heads
+    name = recognition.performer
     messages = [
-        class_head + _CLASS.pack(recognition.class_index, recognition.score, recognition.margin),
-        guess_head + _SIZE.pack(recognition.guess_index),
-        so_far_head + _SIZE.pack(recognition.so_far),
-        label_head + _label(recognition.label),
+        encode_numbers(name, "class", "iff", recognition.class_index, recognition.score, recognition.margin),
+        encode_numbers(name, "guess", "i", recognition.guess_index),
+        encode_numbers(name, "sofar", "i", recognition.so_far),
+        _head(name, "label", "s") + _label(recognition.label),
     ]
     if recognition.progress:
         messages.append(encode_progress(recognition))
-    messages.append(scores_head + recognition.scores.astype(">f4").tobytes())
-    if len(packet.BUNDLE_START) + sum(_SIZE.size + len(message) for message in messages) > MAX_ANSWER:
-        messages.pop()
-    return packet.BUNDLE_START + b"".join(_SIZE.pack(len(message)) + message for message in messages)
+    return with_scores(messages, recognition)
 
 
-@lru_cache(maxsize=1024)
-def _answer_heads(performer: str, classes: int) -> tuple[bytes, ...]:
-    """Give the bytes before the arguments of an answer's messages; all of a performer's answers share them."""
-    start = f"/motion/{address_part(performer)}"
-    layouts = {
-        "class": ",iff",
-        "guess": ",i",
-        "sofar": ",i",
-        "label": ",s",
-        "scores": "," + "f" * classes,
-        "progress": ",ifffffi",
-    }
-    return tuple(packet.padded(f"{start}/{last}") + packet.padded(types) for last, types in layouts.items())
+def with_scores(messages: Sequence[bytes], recognition: Recognition) -> bytes:
+    """Encode a bundle of messages, and an answer's scores behind them where they fit into 1200 bytes."""
+    scores = recognition.scores
+    head = _head(recognition.performer, "scores", "f" * len(scores))
+    whole = packet.encode_bundle(*messages, head + scores.astype(">f4").tobytes())
+    return whole if len(whole) <= MAX_ANSWER else packet.encode_bundle(*messages)
+
+
+@lru_cache(maxsize=8192)
+def _head(performer: str, last: str, types: str) -> bytes:
+    """Give the bytes before a message's arguments; all of a performer's answers share them."""
+    return packet.padded(f"/motion/{address_part(performer)}/{last}") + packet.padded(f",{types}")
+
+
+def encode_numbers(performer: str, last: str, types: str, *numbers: float) -> bytes:
+    """Encode `/motion/<performer>/<last>` with numbers of some types."""
+    return _head(performer, last, types) + struct.pack(f">{types}", *numbers)
 
 
 def encode_progress(recognition: Recognition) -> bytes:
@@ -253,19 +250,18 @@ def encode_progress(recognition: Recognition) -> bytes:
     progress = recognition.progress
     if progress is None:
         return b""
-    head = _answer_heads(recognition.performer, len(recognition.scores))[-1]
-    numbers = (progress.phase, progress.speed, progress.amplitude, progress.sure, progress.scrub)
-    return head + _PROGRESS.pack(recognition.classes.index(progress.class_name), *numbers, progress.cycles)
+    index = recognition.classes.index(progress.class_name)
+    numbers = (progress.phase, progress.speed, progress.amplitude, progress.sure, progress.scrub, progress.cycles)
+    return encode_numbers(recognition.performer, "progress", "ifffffi", index, *numbers)
 
 
 def encode_gone(performer: str) -> bytes:
     """Encode that a performer has left: an answer without a class, without scores."""
-    start = f"/motion/{address_part(performer)}"
     return packet.encode_bundle(
-        packet.encode_message(f"{start}/class", -1, 0.0, 0.0),
-        packet.encode_message(f"{start}/guess", -1),
-        packet.encode_message(f"{start}/sofar", -1),
-        packet.encode_message(f"{start}/label", GONE),
+        encode_numbers(performer, "class", "iff", -1, 0.0, 0.0),
+        encode_numbers(performer, "guess", "i", -1),
+        encode_numbers(performer, "sofar", "i", -1),
+        _head(performer, "label", "s") + _label(GONE),
     )
 
 
@@ -332,7 +328,7 @@ def decode_answer(datagram: bytes) -> Answer | None:
         found = {message.address.rpartition("/")[2]: message for message in packet.decode_packet(datagram)}
         index, score, margin = map(packet.number_of, found["class"].arguments)
         (label,) = found["label"].arguments
-        performer = found["class"].address.split("/")[2]
-        return Answer(performer, int(index), score, margin, str(label))
+        performer, named = found["class"].address.split("/")[2], str(label) if index >= 0 else None
+        return Answer(performer, named, int(index), str(label), score, margin)
     except (KeyError, TypeError, ValueError, IndexError, OverflowError):
         return None

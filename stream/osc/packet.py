@@ -23,7 +23,8 @@ _BUNDLE = b"#bundle\0"
 #: The beginning of every bundle that we send: its time tag says "immediately".
 BUNDLE_START = _BUNDLE + b"\0\0\0\0\0\0\0\1"
 _FIXED = {"i": struct.Struct(">i"), "h": struct.Struct(">q"), "f": struct.Struct(">f"), "d": struct.Struct(">d")}
-_FIXED |= {"t": struct.Struct(">Q"), "r": struct.Struct(">I")}
+#: Moments, and colours, characters and MIDI, which hold no place: given as whole numbers.
+_FIXED |= {"t": struct.Struct(">Q"), **dict.fromkeys("rcm", struct.Struct(">I"))}
 #: A type tag, or a run of floats.
 _RUN = re.compile(r"f+|.", re.DOTALL)
 _VALUES: dict[str, object] = {"T": True, "F": False, "N": None, "I": float("inf")}
@@ -34,7 +35,7 @@ class PacketError(ValueError):
 
 
 class Message(NamedTuple):
-    """One OSC message: its address, and its arguments as Python values (arrays as lists)."""
+    """One OSC message: its address, and its arguments as Python values; those of arrays stand among the others."""
 
     address: str
     arguments: list[object]
@@ -86,15 +87,39 @@ def decode_packet(packet: bytes) -> list[Message]:
     return decode_messages(split_packet(packet))
 
 
-def split_packet(packet: bytes) -> list[bytes]:
-    """Give the bytes of each message of a packet, before any message is read.
+def split_packet(packet: bytes, depth: int = 0) -> list[bytes]:
+    """Give the bytes of each message of a packet, before any is read: a packet with too many is refused at once.
 
     Raises
     ------
     PacketError
-        The bytes are neither a message nor a bundle, or the bundle has too many messages.
+        The bytes are neither a message nor a bundle, or the bundle has too many messages, or is too deep in others.
     """
-    return [packet[begin:end] for begin, end in _message_places(packet, 0, len(packet), 0)]
+    if packet.startswith(b"/") or _is_bare(packet):
+        return [packet]
+    if not packet.startswith(_BUNDLE) or len(packet) < 16:
+        raise PacketError("neither a message nor a bundle")
+    if depth > MAX_BUNDLE_DEPTH:
+        raise PacketError(f"bundles nested deeper than {MAX_BUNDLE_DEPTH}")
+    found = list[bytes]()
+    place, elements = 16, 0
+    while place < len(packet):
+        size = _number(packet, place, "i")
+        place += 4
+        if not 0 <= size <= len(packet) - place:
+            raise PacketError(f"an element of {size} bytes in a bundle with {len(packet) - place} left")
+        found += split_packet(packet[place : place + size], depth + 1)
+        place += size
+        elements += 1
+        if len(found) > MAX_MESSAGES or elements > MAX_MESSAGES:
+            raise PacketError(f"more than {MAX_MESSAGES} messages in one packet")
+    return found
+
+
+def _is_bare(packet: bytes) -> bool:
+    """Say whether a message begins whose address lacks its slash: a word, and behind its zeros the type tags."""
+    stop = packet.find(b"\0")
+    return stop > 0 and packet[:stop].isascii() and packet.startswith(b",", stop + 4 - stop % 4)
 
 
 def decode_messages(messages: Iterable[bytes]) -> list[Message]:
@@ -112,37 +137,6 @@ def decode_messages(messages: Iterable[bytes]) -> list[Message]:
         left -= values
         decoded.append(message)
     return decoded
-
-
-def _message_places(packet: bytes, begin: int, end: int, depth: int) -> list[tuple[int, int]]:
-    """Find the places of the messages before any is read, so that a packet with too many is refused at once."""
-    if packet[begin : begin + 1] == b"/" or _is_bare(packet, begin, end):
-        return [(begin, end)]
-    if packet[begin : begin + 8] != _BUNDLE or end - begin < 16:
-        raise PacketError("neither a message nor a bundle")
-    if depth > MAX_BUNDLE_DEPTH:
-        raise PacketError(f"bundles nested deeper than {MAX_BUNDLE_DEPTH}")
-    found = list[tuple[int, int]]()
-    place, elements = begin + 16, 0
-    while place < end:
-        if place + 4 > end:
-            raise PacketError("cut off in its arguments")
-        size = _number(packet, place, "i")
-        place += 4
-        if not 0 <= size <= end - place:
-            raise PacketError(f"an element of {size} bytes in a bundle with {end - place} left")
-        found += _message_places(packet, place, place + size, depth + 1)
-        place += size
-        elements += 1
-        if len(found) > MAX_MESSAGES or elements > MAX_MESSAGES:
-            raise PacketError(f"more than {MAX_MESSAGES} messages in one packet")
-    return found
-
-
-def _is_bare(packet: bytes, begin: int, end: int) -> bool:
-    """Say whether a message begins whose address lacks its slash: a word, and behind its zeros the type tags."""
-    stop = packet.find(b"\0", begin, end)
-    return stop > begin and packet[begin:stop].isascii() and packet.startswith(b",", stop + 4 - (stop - begin) % 4)
 
 
 def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
@@ -163,27 +157,17 @@ def _decode_message(packet: bytes, left: int) -> tuple[Message, int]:
 
 
 def _arguments(packet: bytes, place: int, tags: str) -> list[object]:
-    stack: list[list[object]] = [[]]
+    values = list[object]()
     # Joint positions are long runs of floats: one call takes a whole run.
     for tag in _RUN.findall(tags, 1):
         if tag[0] == "f":
             end = _end(packet, place + 4 * len(tag))
-            stack[-1].extend(struct.unpack_from(f">{len(tag)}f", packet, place))
+            values.extend(struct.unpack_from(f">{len(tag)}f", packet, place))
             place = end
-        elif tag == "[":
-            inner: list[object] = []
-            stack[-1].append(inner)
-            stack.append(inner)
-        elif tag == "]":
-            if len(stack) < 2:
-                raise PacketError("an array ends that never began")
-            stack.pop()
-        else:
+        elif tag not in "[]":
             value, place = _argument(packet, place, tag)
-            stack[-1].append(value)
-    if len(stack) != 1:
-        raise PacketError("an array that never ends")
-    return stack[0]
+            values.append(value)
+    return values
 
 
 def _argument(packet: bytes, place: int, tag: str) -> tuple[object, int]:
@@ -191,21 +175,15 @@ def _argument(packet: bytes, place: int, tag: str) -> tuple[object, int]:
         return _number(packet, place, tag), place + _FIXED[tag].size
     if tag in _VALUES:
         return _VALUES[tag], place
-    match tag:
-        case "s" | "S":
-            return _string(packet, place)
-        case "c":
-            return chr(_number(packet, place, "r") & 0x7F), place + 4
-        case "m":
-            return tuple(packet[place : place + 4]), _end(packet, place + 4)
-        case "b":
-            size = _number(packet, place, "i")
-            if size < 0:
-                raise PacketError(f"a blob of {size} bytes")
-            end = _end(packet, place + 4 + size)
-            return packet[place + 4 : end], min(end + -size % 4, len(packet))
-        case _:
-            raise PacketError(f"an argument of unknown type {tag!r}")
+    if tag in "sS":
+        return _string(packet, place)
+    if tag != "b":
+        raise PacketError(f"an argument of unknown type {tag!r}")
+    size = _number(packet, place, "i")
+    if size < 0:
+        raise PacketError(f"a blob of {size} bytes")
+    end = _end(packet, place + 4 + size)
+    return packet[place + 4 : end], min(end + -size % 4, len(packet))
 
 
 def _number(packet: bytes, place: int, tag: str) -> int:

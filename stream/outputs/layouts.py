@@ -120,32 +120,28 @@ class TouchDesignerLayout(Layout):
 
         The index is the named class's, -1 when no class is named; changed is 1 in the first message with another index.
         """
-        changed = self._last.get(recognition.performer, -1) != recognition.class_index
-        remember(self._last, recognition.performer, recognition.class_index, _MAX_PERFORMERS)
-        start = f"/motion/{address_part(recognition.performer)}"
-        named = encode_message(
-            f"{start}/class", recognition.class_index, recognition.score, recognition.margin, int(changed)
-        )
-        followed = (messages.encode_progress(recognition),) if recognition.progress else ()
-        whole = encode_bundle(named, *followed, encode_message(f"{start}/scores", *map(float, recognition.scores)))
-        return whole if len(whole) <= messages.MAX_ANSWER else encode_bundle(named, *followed)
+        name, index = recognition.performer, recognition.class_index
+        changed = self._last.get(name, -1) != index
+        remember(self._last, name, index, _MAX_PERFORMERS)
+        named = messages.encode_numbers(name, "class", "iffi", index, recognition.score, recognition.margin, changed)
+        followed = [messages.encode_progress(recognition)] if recognition.progress else []
+        return messages.with_scores([named, *followed], recognition)
 
     def event(self, event: Event) -> bytes | None:
         """`/motion/<performer>/going i index`, -1 when a motion ended."""
         index = event.index if event.kind is EventKind.START else -1
-        return encode_message(f"/motion/{address_part(event.performer)}/going", index)
+        return messages.encode_numbers(event.performer, "going", "i", index)
 
     def done(self, done: Done) -> bytes | None:
         """`/motion/<performer>/done i index i count f duration f score f speed f amplitude`."""
         numbers = done.index, done.count, done.duration, done.score, done.speed, done.amplitude
-        return encode_message(f"/motion/{address_part(done.performer)}/done", *numbers)
+        return messages.encode_numbers(done.performer, "done", "iiffff", *numbers)
 
     def gone(self, gone: Gone) -> bytes:
         """Class -1, and -1 going on."""
         changed = self._last.pop(gone.performer, -1) != -1
-        start = f"/motion/{address_part(gone.performer)}"
-        none = encode_message(f"{start}/class", -1, 0.0, 0.0, int(changed))
-        return encode_bundle(none, encode_message(f"{start}/going", -1))
+        none = messages.encode_numbers(gone.performer, "class", "iffi", -1, 0.0, 0.0, changed)
+        return encode_bundle(none, messages.encode_numbers(gone.performer, "going", "i", -1))
 
     def status(self, status: Status) -> bytes:
         """`/motion/status i f i i`."""

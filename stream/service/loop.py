@@ -14,7 +14,7 @@ import zmq
 from kinespace.stream.frame import Admitted, Frame
 from kinespace.stream.inputs.admission import Admission
 from kinespace.stream.inputs.commands import RequestSource
-from kinespace.stream.inputs.source import APART, TENDING, Source
+from kinespace.stream.inputs.source import APART, Source
 from kinespace.stream.osc.messages import address_part
 from kinespace.stream.outputs.sink import Message, Sink
 from kinespace.stream.recognition import Classes, Event, EventKind, Gone, Outcome, Recognition
@@ -46,11 +46,10 @@ MAX_ASKED = 64
 
 
 class Taken(NamedTuple):
-    """A frame or announcement; when its packet was looked at, and for how long it had waited then, seconds."""
+    """A frame or announcement, and when its packet came, seconds as of `time.perf_counter`."""
 
     event: Admitted
-    started: float
-    waited: float
+    came: float
 
 
 class Overload:
@@ -58,17 +57,19 @@ class Overload:
 
     Attributes
     ----------
-    until
-        Until when performers are answered by turns, seconds on the service's clock; inf while some wait.
     stale
         Frames that were dropped while they waited.
     """
 
     def __init__(self) -> None:
-        self.until = self._cautious_until = -math.inf
-        self.stale = 0
+        self._cautious_until, self.stale = -math.inf, 0
         #: The performer who is to be answered first stands first; for some nothing waits.
         self._waiting: dict[str, list[Taken]] = {}
+
+    @property
+    def until(self) -> float:
+        """Until when performers are answered by turns, seconds on the service's clock; inf while some wait."""
+        return math.inf if self._waiting else self._cautious_until
 
     def keep(self, all_taken: Iterable[Taken], now: float, *, is_late: bool = False) -> None:
         """Keep frames and announcements until their performers' turns; `is_late`: one had waited for too long."""
@@ -80,7 +81,6 @@ class Overload:
                 self._add(self._waiting.setdefault(name, []), taken)
             else:
                 self.stale += 1
-        self.until = math.inf if self._waiting else self._cautious_until
 
     def _add(self, waiting: list[Taken], taken: Taken) -> None:
         """Add to what waits for a performer; keep the newest frame, and of those before as many as windows need."""
@@ -100,7 +100,6 @@ class Overload:
             self._waiting = {name: waiting for name, waiting in self._waiting.items() if waiting}
         # They keep their places: whoever had a turn comes behind all others, whose frames came earlier or later.
         self._waiting.update((name, []) for name in names if self._waiting)
-        self.until = math.inf if self._waiting else self._cautious_until
         return taken
 
 
@@ -120,18 +119,17 @@ REFUSED_EVERY = 1.0
 #: Seconds for which packets that have waited are taken in before some performers are answered, at most.
 _MAX_CATCHING_UP = 0.1
 #: Performers that are then answered together; others after them only until answers have taken as long as packets: what
-#: waits meanwhile would be dropped for its age.
+#: waits meanwhile grows old.
 _TURNS = 8
 #: Seconds that no packet has waited.
 _ENDLESS = 1e6
 #: Packets of one source that are taken in together, then recognised, then answered, at most: the processor's caches
 #: then hold what a step needs, and one send wakes the listeners. More would keep the first packet waiting for too long.
-#: A packet that comes alone is answered before the loop looks for another.
 _MAX_TOGETHER = 32
-#: Packets taken from one source, at most, before the other sources and the clock get their turn.
-_MAX_IN_TURN = 256
-#: Longest sleep while nothing comes, seconds: `stop` takes effect within this time.
-_MAX_SLEEP = 0.1
+#: How often one source's packets are taken together, at most, before the other sources and the clock get their turn.
+_MAX_IN_TURN = 8
+#: Longest sleep while nothing comes, seconds: work that is due by the clock, and `stop`, wait no longer.
+TENDING = 0.02
 #: Steps after being stopped, at most: more than any socket holds, and few enough for the loop to end while a feed goes
 #: on.
 _MAX_LAST_STEPS = 32
@@ -211,14 +209,9 @@ class Service:
         self._done = Counter[tuple[str, int]]()
         #: When the loop last looked at its sources.
         self._looked = clock()
-        self._together = 1
         self._poller = zmq.Poller()
         for source in sources:
             self._poller.register(source.pollable, zmq.POLLIN)
-        self._tended = [source for source in sources if source.tended_within < math.inf]
-        within = [source.tended_within for source in self._tended]
-        #: Seconds within which work is due by the clock even when no packet comes; inf if there never is any.
-        self._tended_within = min([*within, *([TENDING] if control else [])], default=math.inf)
         #: Handing frames to sinks that ignore them would cost every frame a call for each sink.
         self._watching = [sink for sink in sinks if hasattr(sink, "publish_frame")]
 
@@ -234,7 +227,7 @@ class Service:
         """Run until stopped; answer packets that have arrived by then, end motions, let all performers leave."""
         try:
             while self._over == math.inf:
-                self.step(_MAX_SLEEP)
+                self.step(TENDING)
             for _ in range(_MAX_LAST_STEPS):
                 if time.perf_counter() < self._over:
                     self.step(0.0)
@@ -247,10 +240,8 @@ class Service:
     def step(self, longest: float) -> None:
         """Wait at most `longest` seconds for packets, and deal with all that have come."""
         self._publish_on_time()
+        self._tend()
         sleep = min(longest, max(self._next_status - self._clock(), 0.0))
-        if self._tended_within < math.inf:
-            self._tend()
-            sleep = min(sleep, self._tended_within)
         aside = any(source.has_put_aside for source in self.sources)
         is_busy = aside or self._asked or self._overload.until == math.inf
         self._poller.poll(0 if is_busy else math.ceil(sleep * 1000))
@@ -259,8 +250,8 @@ class Service:
         # receiver looks after its connections.
         for source in self.sources:
             left = _MAX_IN_TURN
-            while left and time.perf_counter() < self._over and (taken := self._deal_with_waiting(source, left)):
-                left -= taken
+            while left and time.perf_counter() < self._over and self._deal_with_waiting(source):
+                left -= 1
         self._looked = now = self._clock()
         until = 2 * now - began
         while self._overload.until == math.inf:
@@ -268,30 +259,23 @@ class Service:
             if self._clock() >= until:
                 break
 
-    def _deal_with_waiting(self, source: AnySource, most: int) -> int:
-        """Take in some packets, recognise, answer; give their number, 0 when no more wait."""
+    def _deal_with_waiting(self, source: AnySource) -> bool:
+        """Take in some packets, recognise, answer; say whether more may wait."""
         # One alone: some take hundredths of a second, in which nobody is answered.
         if self._asked:
             self._carry_out(self._asked.popleft())
         taken: list[Taken] = []
         source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
-        if source.patience < math.inf:
+        is_overloaded = source.patience < math.inf
+        packets, more, asked = 0, not is_overloaded, len(self._asked)
+        # A command is carried out before the frames behind it.
+        while more and max(packets, len(taken)) < _MAX_TOGETHER and len(self._asked) == asked:
+            packets, more = packets + 1, self._take(source, taken)
+        if is_overloaded or source.lag > LATE:
             self._catch_up(source, taken)
-            return 0
-        wanted = min(self._together, most)
-        for _ in range(wanted):
-            if not self._take(source, taken):
-                wanted, self._together = 0, max(self._together // 2, 1)
-                break
-            if len(taken) >= _MAX_TOGETHER:
-                break
-        else:
-            self._together = min(2 * self._together, _MAX_TOGETHER)
-        if source.lag > LATE:
-            self._catch_up(source, taken)
-            return 0
+            return False
         self._deal_with(taken)
-        return wanted
+        return more
 
     def _take(self, source: AnySource, taken: list[Taken]) -> bool:
         """Take in a packet: carry out its commands, add its frames and announcements; say whether one waited."""
@@ -306,7 +290,7 @@ class Service:
                 why = event.refusal or f"too many commands: expected at most {MAX_ASKED} that wait"
                 self._carry_out(replace(event, command=None, refusal=why))
             else:
-                taken.append(Taken(event, started, source.waited))
+                taken.append(Taken(event, started - source.waited))
         return True
 
     def _carry_out(self, asked: Asked) -> None:
@@ -337,10 +321,10 @@ class Service:
             self._deal_with(taken)
 
     def _tend(self) -> None:
-        for source in self._tended:
+        for source in self.sources:
             started = time.perf_counter()
             now = self._clock()
-            taken = [Taken(event, started, 0.0) for event in source.tend(now)]
+            taken = [Taken(event, started) for event in source.tend(now)]
             if now < self._overload.until:
                 self._overload.keep(taken, now)
             else:
@@ -354,9 +338,9 @@ class Service:
             return
         events = [each.event for each in taken]
         answers = self.performers.push_all(events, self._clock(), newest_only=newest_only)
-        for answer, (_, started, waited) in zip(answers, taken, strict=True):
+        for answer, (_, came) in zip(answers, taken, strict=True):
             if answer is not None:
-                self.publish(answer, time.perf_counter() - started + waited)
+                self.publish(answer, time.perf_counter() - came)
         for event in events:
             if isinstance(event, Frame):
                 self._frames[event.performer] += 1

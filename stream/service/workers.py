@@ -10,28 +10,26 @@ import gc
 import itertools
 import math
 import multiprocessing
-import queue
 import secrets
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from multiprocessing.reduction import ForkingPickler
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
-import numpy as np
 import zmq
 
 from kinespace.library import MotionLibrary, Skeleton, WindowIndex
 from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import hdm05
+from kinespace.library.windows.remembered import decoded_numbers, encoded_numbers
 from kinespace.stream.frame import Admitted, Announcement, Frame, NewSender
-from kinespace.stream.inputs.source import TENDING
 from kinespace.stream.outputs.sink import Sink
 from kinespace.stream.packet import IdleSource, remember
 from kinespace.stream.present import MAX_REMEMBERED, Present
@@ -41,11 +39,9 @@ from kinespace.stream.recognizer.decision import Events
 from kinespace.stream.recognizer.recognizer import require_order
 from kinespace.stream.recognizer.settings import index_for, needed_lead, sensitivity_for
 from kinespace.stream.service.background import BackgroundViews, leave_signals_to_parent, signals_held
-from kinespace.stream.service.loop import Service
+from kinespace.stream.service.loop import TENDING, Service
 from kinespace.stream.status import InputCounts, PerformerCounts, RecognizerCounts
 
-_FLOATS: np.dtype[np.floating] = np.dtype("<f4")
-_DOUBLES: np.dtype[np.floating] = np.dtype("<f8")
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 
 
@@ -54,34 +50,22 @@ class SentFrame(msgspec.Struct, array_like=True, gc=False):
 
     Attributes
     ----------
-    positions, doubles
-        Numbers of three for each joint, little-endian, and whether they are doubles.
     joints
-        Their names; None where they are as before.
+        The names of its joints; None where they are as before.
     begins
         Whether the performer begins: the worker forgets an earlier performer of this name.
     """
 
-    performer: str
-    time: float
-    positions: bytes
-    doubles: bool = False
+    frame: Frame
     joints: tuple[str, ...] | None = None
     begins: bool = False
 
-    @classmethod
-    def of(cls, frame: Frame) -> "SentFrame":
-        """Make the message of a frame; positions keep their precision."""
-        doubles = frame.positions.dtype.itemsize == _DOUBLES.itemsize
-        positions = frame.positions.astype(_DOUBLES if doubles else _FLOATS, copy=False)
-        return cls(frame.performer, frame.time, positions.tobytes(), doubles)
-
     def events(self) -> list[Admitted]:
         """Give the frame, behind what it says of its performer."""
-        positions = np.frombuffer(self.positions, _DOUBLES if self.doubles else _FLOATS).reshape(-1, 3)
-        named = [] if self.joints is None else [Announcement(self.performer, self.joints)]
-        begun = [NewSender(self.performer)] if self.begins else []
-        return [*begun, *named, Frame(self.performer, self.time, positions)]
+        performer = self.frame.performer
+        named = [] if self.joints is None else [Announcement(performer, self.joints)]
+        begun = [NewSender(performer)] if self.begins else []
+        return [*begun, *named, self.frame]
 
 
 class Orders(msgspec.Struct, omit_defaults=True):
@@ -129,19 +113,9 @@ class Answers(msgspec.Struct, array_like=True, frozen=True):
     report: Report | None = None
 
 
-def _encoded(value: object) -> object:
-    """Encode numbers of numpy's."""
-    return value.astype(_DOUBLES, copy=False).tobytes() if isinstance(value, np.ndarray) else float(value)  # type: ignore[arg-type]
-
-
-def _decoded(_: object, value: Any) -> object:  # noqa: ANN401 - of any message
-    """Decode a recognition's scores; no other field is of a kind that msgspec does not know."""
-    return np.frombuffer(value, _DOUBLES)
-
-
-encode = msgspec.msgpack.Encoder(enc_hook=_encoded).encode
-decode_orders = msgspec.msgpack.Decoder(Orders).decode
-decode_answers = msgspec.msgpack.Decoder(Answers, dec_hook=_decoded).decode
+encode = msgspec.msgpack.Encoder(enc_hook=encoded_numbers).encode
+decode_orders = msgspec.msgpack.Decoder(Orders, dec_hook=decoded_numbers).decode
+decode_answers = msgspec.msgpack.Decoder(Answers, dec_hook=decoded_numbers).decode
 
 
 class Terms(NamedTuple):
@@ -158,8 +132,8 @@ class Terms(NamedTuple):
 MAX_SILENT = 0.8
 #: Seconds between two looks at the workers, above which this process itself was stopped for a while.
 _STOPPED = 0.4
-#: Seconds in which the last frames are answered at the end.
-_MAX_ENDING = 0.5
+#: Seconds in which the last frames are answered and counted at the end.
+_MAX_ENDING = 1.0
 #: Seconds without an answer after which a performer makes room for a newcomer.
 _UNHEARD = 1.0
 #: Seconds in which a new worker must be ready, and in which one that was left out must come back before it is killed.
@@ -188,8 +162,8 @@ class Track:
 
     Attributes
     ----------
-    newest, heard
-        When the newest frame came, and when an answer; before the first answer when the performer came.
+    newest, answered_at
+        When the newest frame came, and the last one that was answered; before an answer when the performer came.
     events
         Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
     worker
@@ -199,12 +173,11 @@ class Track:
     """
 
     newest: float
-    heard: float
+    answered_at: float
     events: Events
     worker: str = ""
     number: int = 0
     answered: int = 0
-    _answered_at: float = 0.0
     _joints: tuple[str, ...] | None = None
     _joints_due: float = 0.0
     #: Never empty behind the first `send`, which a performer begins with.
@@ -212,7 +185,7 @@ class Track:
 
     def send(self, frame: Frame, joints: tuple[str, ...] | None) -> SentFrame:
         """Make the message of the newest frame; it has the joints from time to time."""
-        sent, now = SentFrame.of(frame), self.newest
+        sent, now = SentFrame(frame), self.newest
         if joints != self._joints or now >= self._joints_due:
             sent.joints, self._joints, self._joints_due = joints, joints, now + _JOINTS_EVERY
         sent.begins = not self.number
@@ -239,34 +212,29 @@ class Track:
         for kept in reversed(self._kept):
             if kept.number <= self.answered:
                 return None
-            if kept.sent.time == answer.time:
+            if kept.sent.frame.time == answer.time:
                 break
         else:
             return None
-        self.answered, self._answered_at, self.heard = kept.number, kept.arrival, self.newest
+        self.answered, self.answered_at = kept.number, kept.arrival
         decide = self.events.push if answer.classes == classes else self.events.ends
         return replace(answer, events=decide(answer)), kept.arrival
 
     def is_idle(self, now: float) -> bool:
         """Say whether no answer has come for some time."""
-        return now - self.heard >= _UNHEARD
-
-    def is_owed(self, hop: float) -> bool:
-        """Whether a frame that was sent will still be answered."""
-        return bool(self.answered) and self.newest - self._answered_at >= hop
+        return now - self.answered_at >= _UNHEARD
 
     def end(self) -> Event | None:
         """End the motion that goes on."""
-        return self.events.end(self._kept[-1].sent.time)
+        return self.events.end(self._kept[-1].sent.frame.time)
 
     def exchange(self, classes: Sequence[str], lead: float) -> Event | None:
         """Go on with other classes, and the lead that they need; end the motion that goes on if its class is gone."""
-        return self.events.exchange(classes, lead, self._kept[-1].sent.time)
+        return self.events.exchange(classes, lead, self._kept[-1].sent.frame.time)
 
     def past(self, joints: tuple[str, ...] | None, now: float) -> tuple[list[SentFrame], list[SentFrame]]:
         """Give the frames that another worker is shown, and those that it answers."""
-        since = self._answered_at - HISTORY if self.answered else 0.0
-        kept = [each for each in self._kept if each.arrival >= since]
+        kept = [each for each in self._kept if each.arrival >= self.answered_at - HISTORY]
         seen = [each.sent for each in kept if each.number <= self.answered or each.arrival < now - DUE]
         due = [each.sent for each in kept[len(seen) :]]
         for first in (seen or due)[:1]:
@@ -426,9 +394,11 @@ class Gateway(Present[Track]):
         return replace(frame, positions=frame.positions[self._skeleton.nearest_from(joints)])
 
     def end(self) -> list[Event]:
-        """Wait for the last answers; give the ends of all motions going on, because no more frames will come."""
-        until, hop = time.monotonic() + _MAX_ENDING, self.settings.hop
-        while time.monotonic() < until and any(each.is_owed(hop) for each in self._here.values() if each.worker):
+        """Wait for the last answers and counts; give the ends of all motions going on: no more frames will come."""
+        # A worker's next report may be under way already; the one behind it counts all that was sent until now.
+        until = time.monotonic() + _MAX_ENDING
+        last = {name: each.reports + 2 for name, each in self._workers.items()}
+        while time.monotonic() < until and any(each.reports < last[name] for name, each in self._workers.items()):
             time.sleep(0.001)
             self.read()
         return super().end()
@@ -586,14 +556,6 @@ class Gateway(Present[Track]):
                 self._start(now)
         self._balance(now)
 
-    def settle(self) -> None:
-        """Wait for the workers' next reports, which count all that they have answered, for a second at most."""
-        before, until = {name: each.reports for name, each in self._workers.items()}, time.monotonic() + 1.0
-        every = self._workers.items()
-        while time.monotonic() < until and any(each.reports == before.get(name) for name, each in every):
-            time.sleep(0.005)
-            self.read()
-
     def _kill_all(self) -> None:
         for each in self._workers.values():
             each.process.kill()
@@ -607,8 +569,6 @@ class Gateway(Present[Track]):
 
 class GatewaySource(IdleSource):
     """The messages of all workers, as a source of the service; no frames come in here."""
-
-    tended_within = TENDING
 
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.pollable = gateway, gateway.socket
@@ -653,8 +613,6 @@ REPORT_EVERY = 0.25
 #: Seconds of the frames shown in which windows are compared, too: the windows before are shorter than the former
 #: worker's, and would only mislead the averages.
 _COMPARED = 0.5
-#: Longest sleep while nothing comes, seconds.
-_MAX_SLEEP = 0.1
 
 
 def work(name: str, place: str) -> None:
@@ -702,39 +660,28 @@ class Worker(Sink, IdleSource):
         For the recognisers.
     """
 
-    tended_within = TENDING
-
     def __init__(self, socket: zmq.Socket[bytes], index: WindowIndex | None, terms: Terms) -> None:
         self.pollable = socket
         self._performers = Performers(
             index or MotionLibrary.builtin(),
-            terms.settings,
-            most=terms.most,
-            # The gateway drops a silent performer; a worker may forget it later.
-            silence=2 * terms.silence,
-            joints=terms.joints,
             views=BackgroundViews(),
-            classes=terms.classes,
+            # The gateway drops a silent performer; a worker may forget it later.
+            **terms._replace(silence=2 * terms.silence)._asdict(),
         )
         self.service = Service(self._performers, [self], [self])
         self.counts = InputCounts()
         self._answers, self._next_report = list[Recognition](), 0.0
         #: Counts of the frames that were only shown, which the former worker has counted, too.
         self._shown = RecognizerCounts()
-        #: Libraries that come and libraries that are open: no frame waits for the thread between.
-        self._came: queue.SimpleQueue[list[bytes]] = queue.SimpleQueue()
-        self._open: queue.SimpleQueue[tuple[WindowIndex | None, Terms]] = queue.SimpleQueue()
-        threading.Thread(target=self._open_all, name="kinespace opening", daemon=True).start()
+        #: Libraries are opened in a thread, so that no frame waits.
+        self._opener = ThreadPoolExecutor(1, "kinespace opening")
+        self._opening = deque[Future[tuple[WindowIndex | None, Terms]]]()
 
     def run(self) -> None:
         """Work until the gateway's process is gone."""
         parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
-            self.service.step(_MAX_SLEEP)
-
-    def _open_all(self) -> None:
-        while True:
-            self._open.put(_opened(self._came.get()))
+            self.service.step(TENDING)
 
     def publish_recognition(self, recognition: Recognition) -> None:
         """Keep an answer until no message waits, or until the next one is taken in."""
@@ -749,7 +696,7 @@ class Worker(Sink, IdleSource):
             self.lag = 0.0
             return None
         if len(parts) > 1:
-            self._came.put(parts)
+            self._opening.append(self._opener.submit(_opened, parts))
             return ()
         orders = decode_orders(parts[0])
         if orders.at:
@@ -765,8 +712,8 @@ class Worker(Sink, IdleSource):
 
     def tend(self, now: float) -> Sequence[Admitted]:
         """Go on with another library that is open; send the answers that wait, and from time to time a report."""
-        while not self._open.empty():
-            index, terms = self._open.get()
+        while self._opening and self._opening[0].done():
+            index, terms = self._opening.popleft().result()
             if index is not None:
                 self._performers.exchange(index, terms.classes)
             if terms.settings.sensitivity is not None:

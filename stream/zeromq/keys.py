@@ -6,7 +6,7 @@ are admitted. `zmq.auth` makes, reads and checks them, so that every other progr
 
 import os
 import struct
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack
 from pathlib import Path
 
 import zmq
@@ -66,7 +66,7 @@ def make_keys(folder: Path, name: str) -> tuple[Path, Path]:
     return public, secret
 
 
-class Keyring(AbstractContextManager["Keyring"]):
+class Keyring(ExitStack):
     """The keys in a folder, for the sockets of one program; `close` it after them.
 
     Bound sockets admit only the keys of the folder. Connected sockets reach only the owner of one key: the only other
@@ -91,6 +91,7 @@ class Keyring(AbstractContextManager["Keyring"]):
     """
 
     def __init__(self, folder: Path) -> None:
+        super().__init__()
         secrets = sorted(folder.glob(f"*{SECRET}"))
         if len(secrets) != 1:
             raise ValueError(f"keys: expected one file *{SECRET} in {folder}, got {len(secrets)}")
@@ -102,12 +103,8 @@ class Keyring(AbstractContextManager["Keyring"]):
         #: Names by public key.
         self._names = {_keys_in(path)[0]: path.name.removesuffix(PUBLIC) for path in sorted(folder.glob(f"*{PUBLIC}"))}
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        #: Ends the authenticator, if any peer may be admitted, and then the context.
-        self._opened, self._admits = ExitStack(), False
-        self._opened.callback(self.context.destroy, linger=0)
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        self.callback(self.context.destroy, linger=0)
+        self._admits = False
 
     def secure(self, opened: zmq.Socket[bytes], *, bind: bool) -> None:
         """Give a socket of our context its keys, before it is bound or connected.
@@ -141,12 +138,8 @@ class Keyring(AbstractContextManager["Keyring"]):
 
         authenticator, self._admits = ThreadAuthenticator(self.context), True
         authenticator.start()
-        self._opened.callback(authenticator.stop)
+        self.callback(authenticator.stop)
         authenticator.configure_curve(domain=_DOMAIN.decode(), location=self._folder)
-
-    def close(self) -> None:
-        """Admit no peer any more, and close the sockets that are still open."""
-        self._opened.close()
 
 
 def _keys_in(path: Path) -> tuple[bytes, bytes]:

@@ -23,7 +23,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 from urllib.parse import unquote
 
 import msgspec
@@ -41,8 +41,8 @@ VERSION = 1
 #: Bytes of a header; one with 31 joint names has 500.
 MAX_HEADER = 65_536
 _TYPES: dict[str, np.dtype[np.floating]] = {name: np.dtype(name) for name in ("<f4", "<f8")}
-#: Joints of a frame, and of a body that is drawn, at most.
-_MAX_JOINTS = 4096
+#: How many joints a frame has, and a body that is drawn.
+_Joints = Annotated[int, msgspec.Meta(ge=1, le=4096)]
 #: The highest sequence number.
 MAX_SEQ = 2**63 - 1
 #: Bytes of a topic: the longest name that a performer may have, in UTF-8.
@@ -55,9 +55,9 @@ _MAX_PERFORMERS = 1024
 class Header(msgspec.Struct):
     """The fields that describe a frame's positions; msgspec refuses values of other types and beyond the bounds."""
 
-    v: int
-    shape: tuple[int, int]
-    dtype: str
+    v: Literal[1]
+    shape: tuple[_Joints, Literal[3]]
+    dtype: Literal["<f4", "<f8"]
     seq: Annotated[int, msgspec.Meta(ge=0, le=MAX_SEQ)] | None = None
     t: float = 0.0
     joints: list[str] | None = None
@@ -83,12 +83,12 @@ class NumberedFrame(NamedTuple):
 
 
 def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
-    """Decode one multipart message.
+    """Decode a frame.
 
     Parameters
     ----------
     parts
-        Topic, header and positions.
+        Topic, header and positions; or one part, a msgpack map of them all.
     arrival
         Seconds: the time of frames whose `t` is missing or 0.
 
@@ -97,43 +97,21 @@ def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
     ValueError, RecursionError
         A part is missing, too large, or does not match the header.
     """
-    topic, header, buffer = parts
-    performer = _performer(topic)
-    if len(header) > MAX_HEADER:
-        raise ValueError(f"header: expected at most {MAX_HEADER} bytes, got {len(header)}")
-    return numbered(performer, _read_header(header), buffer, arrival)
-
-
-def numbered(performer: str, header: Header, buffer: bytes, arrival: float) -> NumberedFrame:
-    """Make a frame of positions and their header.
-
-    Parameters
-    ----------
-    performer
-        The performer's name.
-    header
-        The description of the positions.
-    buffer
-        The positions.
-    arrival
-        Seconds: the time of frames whose `t` is missing or 0.
-
-    Raises
-    ------
-    ValueError
-        The version is another, or the positions do not match the header.
-    """
-    if header.v != VERSION:
-        raise ValueError(f"v: expected version {VERSION}, got {header.v}")
-    joints, axes = header.shape
-    if not 0 < joints <= _MAX_JOINTS or axes != 3:
-        raise ValueError(f"shape: expected 1 to {_MAX_JOINTS} joints and 3 axes, got {[joints, axes]}")
-    dtype = _TYPES.get(header.dtype)
-    if dtype is None:
-        raise ValueError(f"dtype: expected <f4 or <f8, got {header.dtype[:32]!r}")
-    if len(buffer) != joints * 3 * dtype.itemsize:
-        raise ValueError(f"positions: expected {joints * 3 * dtype.itemsize} bytes, got {len(buffer)}")
-    frame = Frame(performer, header.t or arrival, np.frombuffer(buffer, dtype).reshape(joints, 3))
+    header: Header
+    if len(parts) == 1:
+        header = packed = _unpack(parts[0])
+        performer, buffer = packed.performer, packed.data
+    else:
+        topic, described, buffer = parts
+        performer = _performer(topic)
+        if len(described) > MAX_HEADER:
+            raise ValueError(f"header: expected at most {MAX_HEADER} bytes, got {len(described)}")
+        header = _read_header(described)
+    dtype = _TYPES[header.dtype]
+    expected = 3 * header.shape[0] * dtype.itemsize
+    if len(buffer) != expected:
+        raise ValueError(f"positions: expected {expected} bytes, got {len(buffer)}")
+    frame = Frame(performer, header.t or arrival, np.frombuffer(buffer, dtype).reshape(header.shape))
     announcement = None if header.joints is None else Announcement(performer, tuple(header.joints))
     return NumberedFrame(frame, header.seq, announcement)
 
@@ -155,25 +133,6 @@ def encode_frame(frame: Frame, seq: int, joints: Sequence[str] | None = None) ->
     if joints is not None:
         header["joints"] = joints
     return [f"frame/{frame.performer}/".encode(), msgspec.json.encode(header), positions.tobytes()]
-
-
-def decode_packed(payload: bytes, arrival: float) -> NumberedFrame:
-    """Decode a frame in one msgpack map.
-
-    Parameters
-    ----------
-    payload
-        The message's only part.
-    arrival
-        Seconds: the time of frames whose `t` is missing or 0.
-
-    Raises
-    ------
-    ValueError, RecursionError
-        The payload is no msgpack, or not a frame of ours.
-    """
-    packed = _unpack(payload)
-    return numbered(packed.performer, packed, packed.data, arrival)
 
 
 class SequenceGaps:
@@ -205,21 +164,7 @@ _SCORE_DIGITS = 6
 _encode = msgspec.json.Encoder().encode
 
 
-class SentAnswer(msgspec.Struct, rename={"label": "class"}):
-    """The fields of an answer that a listener reads, or a page shows."""
-
-    performer: str
-    label: str | None
-    index: int
-    outcome: str
-    score: float
-    margin: float
-    guess: str | None = None
-    scores: dict[str, float] = {}
-    progress: dict[str, str | float] | None = None
-
-
-_read = msgspec.json.Decoder(SentAnswer).decode
+_read = msgspec.json.Decoder(Answer).decode
 
 
 def _topic(kind: str, performer: str) -> bytes:
@@ -264,12 +209,9 @@ def decode_answer(parts: Sequence[bytes]) -> Answer | None:
     """Decode a recognition, for programs that listen to the answers; None for any other message."""
     try:
         topic, encoded = parts
-        if not topic.startswith(b"class/"):
-            return None
-        answer = _read(encoded)
+        return _read(encoded) if topic.startswith(b"class/") else None
     except (ValueError, RecursionError):
         return None
-    return Answer(answer.performer, answer.index, answer.score, answer.margin, answer.label or answer.outcome)
 
 
 #: What is told of a performer who has left.
@@ -324,7 +266,7 @@ class BodyHeader(msgspec.Struct, omit_defaults=True):
 
     v: int
     t: float
-    joints: int
+    joints: _Joints
     names: tuple[str, ...] | None = None
     parents: tuple[int, ...] | None = None
     carried: tuple[float, ...] | None = None
@@ -352,7 +294,7 @@ def decode_body(parts: Sequence[bytes]) -> tuple[str, BodyHeader, bytes] | None:
         kind, _, performer = topic.decode().partition("/")
     except (ValueError, RecursionError):
         return None
-    if kind != "body" or not 0 < header.joints <= _MAX_JOINTS or len(positions) != 12 * header.joints:
+    if kind != "body" or len(positions) != 12 * header.joints:
         return None
     described = (header.names, header.parents, header.carried)
     if any(each is not None and len(each) != header.joints for each in described):

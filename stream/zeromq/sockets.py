@@ -147,7 +147,8 @@ _WATCHED = zmq.EVENT_ACCEPTED | zmq.EVENT_CONNECTED | zmq.EVENT_CONNECT_RETRIED 
 _LOOK_EVERY = 0.1
 #: Events that are read in one look, at most: who opens connections without end must not hold up the loop.
 _MAX_EVENTS = 64
-#: Seconds after which ZeroMQ, which tries again after a tenth of a second, has certainly tried again.
+#: Seconds after which ZeroMQ, which tries again after a tenth of a second, has certainly tried again; a connection that
+#: begins later has nothing to do with one that ended.
 _A_WHILE = 0.5
 
 
@@ -176,7 +177,7 @@ class ZmqReceiver:
         The endpoint as bound or connected, its port resolved; and as recordings name it: `zmq`, a space, the endpoint.
     counts
         Counts of the connections that broke while the sender was still there: by a message above the size limit, by a
-        network that fails for a moment, or when a sender begins again within a second.
+        network that fails for a moment, or when a sender begins again within half a second.
     sender
         The sender of the last message: host and port of the connection or, with keys, `key NAME` and the port. None
         where ZeroMQ does not say.
@@ -195,11 +196,8 @@ class ZmqReceiver:
         self._endpoint, self._keyring = endpoint, keyring
         self._events: zmq.Socket[bytes] = self.socket.get_monitor_socket(_WATCHED)
         self.counts = InputCounts()
-        #: Connections that ended since the last count, and since the count before: a sender, or ZeroMQ, may take that
-        #: long to come back.
-        self._gone = self._gone_before = 0
-        #: When they were counted, and when to look at the events again.
-        self._counted, self._next = time.monotonic(), 0.0
+        #: When connections ended that may come back yet, and when to look at the events again.
+        self._gone, self._next = list[float](), 0.0
         #: Whether the further parts of a message are to be dropped.
         self._passing = False
         self.sender: Sender = None
@@ -239,33 +237,29 @@ class ZmqReceiver:
         if now < self._next or self.socket.closed:
             return
         self._next = now + _LOOK_EVERY
-        if now >= self._counted + _A_WHILE:
-            self._counted, self._gone_before, self._gone = now, self._gone, 0
         with suppress(zmq.Again):
             for _ in range(_MAX_EVENTS):
                 event, connection = _EVENT.unpack_from(self._events.recv_multipart(zmq.NOBLOCK)[0])
-                self._note(event)
+                self._note(event, now)
                 if event in _BEGUN:
                     self._senders.pop(connection, None)
-        if not self._endpoint.bind and self._gone_before:
+        lost = [moment for moment in self._gone if now - moment >= _A_WHILE]
+        del self._gone[: len(lost)]
+        if lost and not self._endpoint.bind:
             # ZeroMQ would have tried again by now. Its own attempts are not counted as losses: the sender had gone.
             self.counts.broken += 1
-            self._gone_before = 0
             with suppress(zmq.ZMQError):
                 self.socket.disconnect(self._endpoint.address)
             self.socket.connect(self._endpoint.address)
 
-    def _note(self, event: int) -> None:
+    def _note(self, event: int, now: float) -> None:
         if event == zmq.EVENT_DISCONNECTED:
-            self._gone += 1
+            self._gone.append(now)
         elif not self._endpoint.bind:
-            self._gone = self._gone_before = 0
-        elif event == zmq.EVENT_ACCEPTED and self._gone + self._gone_before:
+            self._gone.clear()
+        elif event == zmq.EVENT_ACCEPTED and self._gone:
             self.counts.broken += 1
-            if self._gone_before:
-                self._gone_before -= 1
-            else:
-                self._gone -= 1
+            del self._gone[0]
 
     def _note_sender(self, part: zmq.Frame) -> None:
         try:

@@ -57,7 +57,6 @@ class FakeSource:
     """Packets from a list; each is the events it holds. Something seems always to be waiting on its socket."""
 
     place = ""
-    tended_within = math.inf
     has_put_aside = False
     notes = ()
     waited = lag = 0.0
@@ -77,6 +76,10 @@ class FakeSource:
         self.arrivals.append(arrival)
         self.counts.received += 1
         return self.waiting.popleft()
+
+    def tend(self, now: float) -> Sequence[Frame]:  # noqa: ARG002 - as in a source
+        """Give nothing: no work is due by the clock."""
+        return ()
 
     def close(self) -> None:
         """Close both ends of its pair of sockets."""

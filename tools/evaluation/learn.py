@@ -228,9 +228,7 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     return np.array(means, dtype=np.float16)
 
 
-def _seen_by(
-    library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool
-) -> _Looks:
+def _seen_by(library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool) -> _Looks:
     """Let a library recognise its own motions, perhaps behind others, too, and takes that have all of its joints."""
     opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
     index = _asked(opened, typical_evidence(opened))

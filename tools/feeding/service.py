@@ -13,7 +13,7 @@ import zmq
 
 from kinespace.library import MotionLibrary
 from kinespace.stream import BackgroundViews, Performers, Recognizer, Settings, osc, zeromq
-from kinespace.stream.inputs import Admission, OscDecoder, Receiver, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, OwnDecoder, Receiver, Source
 from kinespace.stream.osc.packet import PacketError, decode_packet
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, Sink, ZmqSink
 from kinespace.stream.recognition import Answer
@@ -229,7 +229,7 @@ def serve(port: int, terms: Recognising | None, started: Callable[[str], None], 
     if terms:
         known, views, admission = terms.library or MotionLibrary.builtin(), BackgroundViews(), Admission()
         performers = Performers(known, terms.settings, most=terms.most, views=views)
-        source = Source(receiver, OscDecoder() if port else ZmqDecoder(), admission)
+        source = Source(receiver, OwnDecoder(), admission)
         step = Service(performers, [source], [sink], admission=admission).step
     started(f"{receiver.place} {answers}")
     gc.freeze()

@@ -14,10 +14,10 @@ from typing import Any
 import msgspec
 
 from kinespace.library.naming.hdm05 import title_of
-from kinespace.stream.recognition import GONE, EventKind
+from kinespace.stream.recognition import GONE, Answer, EventKind
 from kinespace.stream.status import Status
 from kinespace.stream.teaching.commands import UNDONE, Step
-from kinespace.stream.zeromq.messages import BodyHeader, SentAnswer, decode_body
+from kinespace.stream.zeromq.messages import BodyHeader, decode_body
 from kinespace.tools.cli.live_table import counted, promise, said_of
 
 #: Performers that are shown, at most; further ones are counted.
@@ -60,7 +60,7 @@ class _Notice(msgspec.Struct):
     examples: int = 0
 
 
-_KINDS = {"class": SentAnswer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
+_KINDS = {"class": Answer, "event": _Event, "done": _Done, "classes": _Classes, "status": Status, "teach": _Notice}
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
 _encode = msgspec.json.Encoder().encode
 
@@ -145,9 +145,9 @@ class Board:
         match message:
             case name, BodyHeader() as header, positions if performer := self._performer(name, now):
                 self._take_body(performer, header, positions)
-            case SentAnswer() if message.outcome == GONE:
+            case Answer() if message.outcome == GONE:
                 self._forget(message.performer)
-            case SentAnswer() if performer := self._performer(message.performer, now):
+            case Answer() if performer := self._performer(message.performer, now):
                 self._take_answer(performer, message, now)
             case _Event() if performer := self._performer(message.performer, now):
                 self._take_event(performer, message, now)
@@ -181,12 +181,12 @@ class Board:
         if header.carried:
             performer.carried = _Noted({"joints": header.carried, "pairs": header.pairs}, self.number)
 
-    def _take_answer(self, performer: _OnBoard, answer: SentAnswer, now: float) -> None:
+    def _take_answer(self, performer: _OnBoard, answer: Answer, now: float) -> None:
         known = dict.fromkeys([*self._classes.shown, *answer.scores])
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
         scores = [answer.scores.get(name) for name in known]
-        named = {"label": answer.label or answer.outcome, "named": answer.label is not None}
+        named = {"label": answer.label, "named": answer.class_name is not None}
         shown = {**named, "scores": scores, "at": now}
         performer.answer = _Noted(msgspec.to_builtins(answer) | shown, self.number)
         if not performer.guesses or performer.guesses[-1][2] != answer.guess:

@@ -172,9 +172,7 @@ class _Demo:
         )
 
 
-def _play(
-    cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, show: _Demo, live: Live | None
-) -> None:
+def _play(cues: Sequence[Cue], sender: FrameSender, listener: service.Listener, show: _Demo, live: Live | None) -> None:
     """Play the motions, and draw the table after answers where there is a terminal."""
     pace, patience = Pace(), _PATIENCE
     for cue in cues:

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from kinespace.library.naming import listed
 from kinespace.stream import osc, zeromq
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import Admission, FeedSource, OscDecoder, Receiver, Source, ZmqDecoder
+from kinespace.stream.inputs import Admission, FeedSource, OwnDecoder, Receiver, Source
 from kinespace.stream.inputs.commands import THIS_MACHINE, CommandReader, RequestSource
 from kinespace.stream.inputs.detection import NATIVE, Survey
 from kinespace.stream.inputs.kinerec import RawWriter, Recorder, source_name
@@ -238,7 +238,7 @@ def _source(receiver: Receiver, preset: Preset | None, sender: str, admission: A
     if preset:
         source: Source = FeedSource(receiver, preset, admission, sender=sender)
     else:
-        source = Source(receiver, OscDecoder() if isinstance(receiver, osc.OscReceiver) else ZmqDecoder(), admission)
+        source = Source(receiver, OwnDecoder(), admission)
     if isinstance(receiver, osc.OscReceiver):
         source.unread = UnreadPort(receiver.address, preset)
     return source

@@ -14,7 +14,7 @@ from kinespace.library.motion_library import MIN_JOINTS
 from kinespace.library.naming import Naming, hdm05, summary, unknown_names
 from kinespace.library.recordings.formats.table_header import coordinate_of
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs import FeedSource, OscDecoder, Source
+from kinespace.stream.inputs import FeedSource, OwnDecoder, Source
 from kinespace.stream.inputs.detection import MAX_KINDS, NATIVE, OURS, Guess, Survey
 from kinespace.stream.inputs.source import taking
 from kinespace.stream.osc import OscReceiver
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
 def surveyed(receiver: OscReceiver, seconds: float, preset: Preset | None, sender: str) -> Survey:
     """Collect packets for some seconds, or until Ctrl-C; send the preset's messages to the sender if it has any."""
     survey = Survey()
-    source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OscDecoder())
+    source = FeedSource(receiver, preset, sender=sender) if preset else Source(receiver, OwnDecoder())
     source.recorder = survey
     with closing(source), suppress(KeyboardInterrupt):
         for _ in taking([source], seconds):
@@ -86,7 +86,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append(f"{survey.undecodable} of {survey.packets} packets are no OSC: another protocol on this port?")
     addresses = [kind.address for kind in survey.kinds.values()]
     if guess is None and not {*addresses}.isdisjoint(OURS):
-        return [*lines, *survey.findings(builtin_preset(NATIVE))[-1]]
+        return [*lines, *survey.looked_at_as(builtin_preset(NATIVE)).refusals]
     if waiting := _waiting(addresses):
         lines.append(f"{', '.join(waiting)}: the sender sends only what changes; let it send all once, or always")
     elif guess is None:
@@ -94,7 +94,7 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append(f"no known feed: kinespace feeds {nearest} > my.toml begins a preset for these addresses")
     if guess is None:
         return lines
-    lines += [*_lacking(survey, guess), *_odd(survey, guess)]
+    lines += [*_lacking(survey, guess), *_odd(guess)]
     if set(guess.preset.sent).isdisjoint(MotionLibrary.builtin().skeleton.joints):
         lines.append("none of the joints is the built-in library's: build your own library from this feed")
     lines += [
@@ -147,17 +147,11 @@ def _listing(count: int) -> str:
     return f"{first} (or {', '.join(others)})" if others else first
 
 
-def _odd(survey: Survey, guess: Guess) -> list[str]:
+def _odd(guess: Guess) -> list[str]:
     """Describe oddities of the frames, and the reasons why packets could not be read."""
-    clocks, stretching, refusals = survey.findings(guess.preset)
     return [
-        *(f"performer {name}: {reading}" for name, reading in clocks.items()),
-        *(
-            f"performer {name}: many segments change their length by more than a tenth. A depth sensor does "
-            "this; otherwise the joints come in another order than their names, or as angles instead of positions"
-            for name in stretching
-        ),
-        *refusals,
+        *(f"performer {name}: {line}" for name, each in guess.heard.items() if guess.frames for line in each.remarks()),
+        *guess.refusals,
     ]
 
 
@@ -190,7 +184,7 @@ def as_object(survey: Survey, guess: Guess | None, lines: list[str]) -> dict[str
         "feed": guess.preset.name if guess else None,
         "frames": guess.frames if guess else 0,
         "rate": round(guess.rate, 3) if guess else 0.0,
-        "performers": list(guess.times) if guess else [],
+        "performers": guess.performers if guess else [],
         "joints": list(guess.joints) if guess else [],
         "missing": list(guess.missing) if guess else [],
         "names": Naming().read(survey.announced).title if survey.announced else None,
@@ -217,7 +211,7 @@ def _show(survey: Survey, guess: Guess | None, lines: list[str]) -> None:
             named = Naming().read(survey.announced)
             say(summary(named.title or "our", named.joints))
         if guess.frames:
-            say(f"performers: {', '.join(guess.times)}, {guess.rate:.1f} frames per second each")
+            say(f"performers: {', '.join(guess.performers)}, {guess.rate:.1f} frames per second each")
     for line in lines:
         say(line)
 

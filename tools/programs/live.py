@@ -158,8 +158,6 @@ def run(options: argparse.Namespace) -> int:
         _run(service, shown, lessons)
         if lessons:
             lessons.close()
-        if isinstance(performers, Gateway):
-            performers.settle()
         status = service.status()
     lines = summary(status, settings.hop, notes=not isinstance(shown, PlainLines))
     lines += [frames_made(source) for source in ends.sources if isinstance(source, FeedSource)]

@@ -14,7 +14,7 @@ from programs import LOOPBACK
 
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds.preset import parse_preset
-from kinespace.stream.inputs import OscDecoder, Source
+from kinespace.stream.inputs import OwnDecoder, Source
 from kinespace.stream.inputs.commands import CommandReader
 from kinespace.stream.inputs.source import MAX_ASIDE, SHARE, FeedSource, Turns, Waiting
 from kinespace.stream.osc import OscReceiver, decode_packet, encode_message
@@ -95,7 +95,7 @@ def test_others_go_before_a_greedy_sender(source: Source) -> None:
 def test_who_invents_joints_comes_last() -> None:
     """New names are compared with every convention's, which takes long; those that come again cost nothing."""
     receiver = FakeReceiver()
-    source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
+    source = Source(receiver, OwnDecoder())  # type: ignore[arg-type]  # a fake
     frame = osc.encode_frame(Frame("ann", 1.0, np.ones((5, 3))))
     for now, end, who in ((1.0, "a", "eve ann ann eve"), (3.0, "a", "eve ann eve ann"), (5.0, "b", "eve ann ann eve")):
         named = osc.encode_announcement(Announcement("eve", tuple(f"{n}{end}" for n in range(250))))
@@ -126,7 +126,7 @@ def test_a_packet_is_kept_at_its_arrival() -> None:
 def test_frames_that_follow_closely_are_dropped_while_thinned() -> None:
     """Of each performer and sender; other packets are read, and all are counted."""
     receiver, joints = FakeReceiver(), tuple("abcde")
-    source = Source(receiver, OscDecoder())  # type: ignore[arg-type]  # a fake
+    source = Source(receiver, OwnDecoder())  # type: ignore[arg-type]  # a fake
 
     def taken(time: float) -> int:
         frames = [osc.encode_frame(Frame(name, time, np.zeros((5, 3)))) for name in ("p", "q")]
@@ -237,7 +237,7 @@ def test_counting_anew_is_a_command_that_is_obeyed_without_lessons() -> None:
 def test_a_source_gives_commands_and_the_frames_beside_them() -> None:
     """Commands come before the frames of their bundle; a packet of commands alone is not counted as foreign."""
     receiver = osc.OscReceiver(LOOPBACK, 0)
-    with closing(Source(receiver, OscDecoder())) as port, closing(osc.OscSender(*receiver.address[:2])) as sender:
+    with closing(Source(receiver, OwnDecoder())) as port, closing(osc.OscSender(*receiver.address[:2])) as sender:
         port.commands = CommandReader()
         for packet, kinds in (
             (STOP, [Asked]),

@@ -20,7 +20,7 @@ from pythonosc.osc_packet import OscPacket
 from synthetic import STICK, stick_clip
 
 from kinespace.stream import Done, Event, EventKind, Frame, Outcome, Progress, Recognition, osc
-from kinespace.stream.inputs import Admission, OscDecoder, Source
+from kinespace.stream.inputs import Admission, OwnDecoder, Source
 from kinespace.stream.osc import messages as osc_answers
 from kinespace.stream.outputs import LAYOUTS, LayoutSink, NativeLayout, ReplySink, ZmqSink
 from kinespace.stream.outputs.layouts import LayoutFileError, WrittenLayout
@@ -207,7 +207,7 @@ def test_vrchat_gets_parameters() -> None:
 def test_the_sender_is_replied_to(back: bool) -> None:  # noqa: FBT001 - a parametrised test's argument
     """Each performer's answers go to the performer's own sender, from the port it sent to; the status to all."""
     receiver, admission = osc.OscReceiver(LOOPBACK, 0), Admission()
-    source = Source(receiver, OscDecoder(), admission=admission)
+    source = Source(receiver, OwnDecoder(), admission=admission)
     with ExitStack() as opened:
         senders = {}
         for host, name in (("127.0.0.1", "p"), ("127.0.0.2", "q")):

@@ -378,12 +378,12 @@ def test_answers_get_rarer_alike_and_stay_fresh(crowd: int, packet: float, least
 
 
 def _taken(performer: str, time: float) -> Taken:
-    return Taken(Frame(performer, time, np.zeros((len(STICK.joints), 3))), 0.0, 0.0)
+    return Taken(Frame(performer, time, np.zeros((len(STICK.joints), 3))), 0.0)
 
 
 def test_of_a_performers_frames_some_wait() -> None:
     """The newest frame, those before at a distance, as many as an answer needs; and all announcements."""
-    overload, named = Overload(), Taken(Announcement("a", STICK.joints), 0.0, 0.0)
+    overload, named = Overload(), Taken(Announcement("a", STICK.joints), 0.0)
     overload.keep([named, *(_taken("a", place / 120) for place in range(240))], 0.0)
     kept = overload.turns(1)
     assert kept[0] == named
@@ -456,11 +456,8 @@ def test_another_worker_is_shown_what_was_answered_and_answers_the_rest() -> Non
     assert 9 <= sum(each.joints is not None for each in sent) <= 11
     assert ann.frame(now + 0.125, JOINTS[::-1]).joints == JOINTS[::-1]
     seen, due = ann.track.past(JOINTS, now)
-    assert (seen[-1].time, due[0].time, due[-1].time) == (now - DUE - 0.125, now - DUE, now + 0.125)
+    assert (seen[-1].frame.time, due[0].frame.time, due[-1].frame.time) == (now - DUE - 0.125, now - DUE, now + 0.125)
     ann.take(9.75)
     seen, due = ann.track.past(JOINTS, now)
-    assert (seen[0].time, seen[-1].time, due[0].time) == (9.75 - HISTORY, 9.75, 9.875)
+    assert (seen[0].frame.time, seen[-1].frame.time, due[0].frame.time) == (9.75 - HISTORY, 9.75, 9.875)
     assert (seen[0].begins, seen[0].joints, seen[1].begins) == (True, JOINTS, False)
-    assert ann.track.is_owed(0.1)
-    ann.take(now + 0.125)
-    assert not ann.track.is_owed(0.1)

@@ -15,7 +15,7 @@ from kinespace.library.signature.landmark_body import body_of
 from kinespace.stream import Announcement, Frame, zeromq
 from kinespace.stream.feeds import FrameAssembler, builtin_names, builtin_preset
 from kinespace.stream.feeds.unpackers import LOOSE, UNPACKERS
-from kinespace.stream.inputs import Source, ZmqDecoder
+from kinespace.stream.inputs import OwnDecoder, Source
 from kinespace.stream.zeromq import Endpoint, ZmqReceiver
 
 # --- hostile packets --------------------------------------------------------------------------------------------------
@@ -27,7 +27,7 @@ def test_a_message_of_a_hundred_thousand_parts_is_passed_over() -> None:
     publisher = zmq.Context.instance().socket(zmq.XPUB)
     publisher.linger = 0
     publisher.set_hwm(0)
-    with closing(publisher), closing(Source(receiver, ZmqDecoder())) as source:
+    with closing(publisher), closing(Source(receiver, OwnDecoder())) as source:
         publisher.connect(receiver.address)
         until(lambda: (source.take(0.0), publisher.poll(10))[1])
         publisher.send_multipart(zeromq.encode_frame(Frame("ann", 1.0, np.ones((5, 3))), 0))

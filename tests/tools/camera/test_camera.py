@@ -19,7 +19,7 @@ from programs import LOOPBACK, free_udp_port, live, ran, until
 from kinespace.library import MotionLibrary
 from kinespace.library.signature.landmark_body import JOINTS
 from kinespace.stream import Announcement, osc
-from kinespace.stream.inputs import OscDecoder
+from kinespace.stream.inputs import OwnDecoder
 from kinespace.tools.camera import bodies, models
 from kinespace.tools.camera.bodies import Bodies, Landmarks, Region, landmarks_in
 from kinespace.tools.cli.main import main
@@ -409,7 +409,7 @@ def test_bodies_of_a_film_are_sent(demo_film: Path) -> None:
     """The demo film: found nearly always, frames with the film's times, joints announced."""
     with closing(osc.OscReceiver(LOOPBACK, 0)) as receiver:
         status, said, errors = ran("camera", demo_film, "--fast", "--osc", f"{LOOPBACK}:{receiver.address[1]}")
-        decoder, frames = OscDecoder(), []
+        decoder, frames = OwnDecoder(), []
         while packet := receiver.receive():
             frames += decoder.decode(packet, 0.0, ("", 0))
     assert (status, errors) == (0, "")

@@ -31,7 +31,7 @@ from websockets.typing import Origin
 
 from kinespace.library import MotionLibrary, Skeleton
 from kinespace.stream import Announcement, Done, Event, EventKind, Frame, Outcome, Recognition, zeromq
-from kinespace.stream.inputs import ZmqDecoder
+from kinespace.stream.inputs import OwnDecoder
 from kinespace.stream.recognition import Classes, Gone
 from kinespace.stream.status import InputCounts, PerformerCounts, Status
 from kinespace.stream.zeromq import messages as zeromq_answers
@@ -485,8 +485,8 @@ def test_rubbish_of_a_page_is_refused(text: str | bytes) -> None:
 # --- frames and answers over WebSocket --------------------------------------------------------------------------------
 
 
-def _decoded(message: str | bytes) -> tuple[ZmqDecoder, list[object]]:
-    decoder = ZmqDecoder()
+def _decoded(message: str | bytes) -> tuple[OwnDecoder, list[object]]:
+    decoder = OwnDecoder()
     return decoder, [*decoder.decode([packed(message)[0]], 7.0, None)]
 
 

@@ -11,6 +11,7 @@ from golden import LAYOUTS, bundle, message, moments
 from programs import LOOPBACK, free_udp_port, ghost_cues, ran, started
 from skeletons import names_of
 
+from kinespace.library.naming import Naming
 from kinespace.library.naming.hdm05 import SKELETON
 from kinespace.stream import Announcement, Frame, osc
 from kinespace.stream.feeds import builtin_names, builtin_preset
@@ -118,21 +119,35 @@ def test_feeds_are_listed_and_printed() -> None:
 
 
 def _heard(joints: tuple[str, ...], frames: int = 20) -> Survey:
-    survey = Survey()
+    survey, ours = Survey(), dict(zip(SKELETON.joints, ghost_cues("squat1Reps", 0.5)[0].frame.positions, strict=True))
+    pose = np.array([ours.get(name, ours["root"]) for name in Naming().read(joints).joints])
     survey.keep(osc.encode_announcement(Announcement("ann", joints)), 0.0, ("127.0.0.1", 9))
     for number in range(frames):
-        frame = Frame("ann", 1.0 + number / 30, np.full((len(joints), 3), 0.5))
+        frame = Frame("ann", 1.0 + number / 30, pose)
         survey.keep(osc.encode_frame(frame), number / 30, ("127.0.0.1", 9))
     return survey
+
+
+def test_joints_in_another_order_are_said() -> None:
+    """As a recording of them would be said to be odd; one joint is no body."""
+    survey = Survey()
+    survey.keep(osc.encode_announcement(Announcement("ann", tuple(sorted(SKELETON.joints)))), 0.0, None)
+    for number, cue in enumerate(ghost_cues("squat1Reps", 0.5)[:20]):
+        survey.keep(osc.encode_frame(Frame("ann", 1.0 + number / 30, cue.frame.positions)), number / 30, None)
+        survey.keep(osc.encode_announcement(Announcement("bob", ("hand",))), number / 30, None)
+        survey.keep(osc.encode_frame(Frame("bob", 1.0 + number / 30, np.ones((1, 3)))), number / 30, None)
+    (line,) = [each for each in advice(survey, survey.guess(PRESETS), None) if each.startswith("performer")]
+    assert line.startswith("performer ann: joints: 31 of 31 where no body has them: in another order")
 
 
 @pytest.mark.parametrize("known", [5, 4])
 def test_a_sender_of_some_joints_lacks_none(known: int) -> None:
     """One message a joint: what nobody knows is said, and how many are needed, not what might be sent, too."""
     survey, names = Survey(), ["Hips", "Spine", "LeftArm", "RightArm", "LeftUpLeg"][:known]
+    places = [(0, 1, 0), (0, 1.1, 0.02), (0.2, 1.45, 0), (-0.2, 1.45, 0.05), (0.1, 0.95, 0.02), (1, 1, 1)]
     for number in range(30):
-        for place, name in enumerate((*names, "Sword")):
-            survey.keep(message(f"/{name}", "fff", 0.1 * place, 1.0, number / 90), number / 30 + place / 1e4, None)
+        for index, (name, (x, y, z)) in enumerate(zip((*names, "Sword"), places, strict=False)):
+            survey.keep(message(f"/{name}", "fff", x, y, z + number / 90), number / 30 + index / 1e4, None)
     guess = survey.looked_at_as(builtin_preset("joints"))
     assert (guess.missing, guess.unknown, guess.frames > 20) == ((), ("Sword",), known == 5)
     lines = [] if known == 5 else ["joints whose names are known: 4, and 5 are needed at least"]
@@ -149,7 +164,7 @@ def test_names_of_others_and_fewer_joints_are_well(joints: tuple[str, ...], titl
     """A feed with known names, or with some of our joints, needs no change."""
     survey = _heard(joints)
     guess = survey.guess([builtin_preset(name) for name in builtin_names()])
-    assert (guess.preset.name, guess.frames, len(guess.joints), tuple(guess.times)) == ("native", 20, ours, ("ann",))
+    assert (guess.preset.name, guess.frames, len(guess.joints), guess.performers) == ("native", 20, ours, ["ann"])
     assert guess.rate == pytest.approx(30.0)
     assert guess.understood == 1.0
     assert advice(survey, guess, None) == []

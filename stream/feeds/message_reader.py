@@ -41,7 +41,7 @@ class Sighting(NamedTuple):
     rotation: Quaternion | None = None
 
 
-class Reading(NamedTuple):
+class Content(NamedTuple):
     """The content of one message.
 
     Attributes
@@ -88,7 +88,7 @@ class Mapper:
         self._ways = lru_cache(_MAX_REMEMBERED)(self._find_ways)
         self._resolved = lru_cache(_MAX_REMEMBERED)(self._resolve)
 
-    def read(self, message: Message) -> Reading | None:
+    def read(self, message: Message) -> Content | None:
         """Read one message; None for one that the preset does not know.
 
         Raises
@@ -115,7 +115,7 @@ class Mapper:
         # A name in an address may be written as in a URL (`address_part`).
         return [_Way(rule, {key: unquote(name) for key, name in way.groupdict().items()}) for rule, way in found if way]
 
-    def _read(self, way: "_Way", arguments: Sequence[object]) -> Reading | None:
+    def _read(self, way: "_Way", arguments: Sequence[object]) -> Content | None:
         """Read arguments; None, TypeError or OverflowError when they do not fit the roles."""
         if not way.counts_fit(arguments):
             return None
@@ -123,7 +123,7 @@ class Mapper:
         time = self._time(way, arguments)
         means = way.means
         if means is Means.GONE or way.nobody(arguments):
-            return Reading(means, performer, (), time, present=False)
+            return Content(means, performer, (), time, present=False)
         sightings: list[Sighting] | None = []
         if means is Means.ORDER:
             self._order = tuple(way.joint_names(arguments))
@@ -132,7 +132,7 @@ class Mapper:
             self._learn(performer, way, arguments)
         elif means in (Means.JOINT, Means.FRAME):
             sightings = self._joints(way, arguments, performer)
-        return None if sightings is None else Reading(means, performer, sightings, time)
+        return None if sightings is None else Content(means, performer, sightings, time)
 
     def _learn(self, performer: str | None, way: "_Way", arguments: Sequence[object]) -> None:
         number, name = way.text("joint", arguments), way.text("name", arguments)

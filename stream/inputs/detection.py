@@ -40,7 +40,7 @@ _TAGS = {float: "f", int: "i", str: "s", bytes: "b", bool: "T", type(None): "N"}
 
 
 @dataclass(slots=True)
-class Kind:
+class MessageKind:
     """Messages of one address, apart from numbers in it, and of one list of types."""
 
     address: str
@@ -59,7 +59,7 @@ class Kind:
 
 
 @dataclass(slots=True)
-class Heard:
+class Trace:
     """What came of one performer: its joints by our names, and what its frames show."""
 
     joints: tuple[str, ...] = hdm05.SKELETON.joints
@@ -131,7 +131,7 @@ class Guess(NamedTuple):
     joints: tuple[str, ...]
     frames: int
     refused: int
-    heard: Mapping[str, Heard]
+    heard: Mapping[str, Trace]
     unknown: tuple[str, ...] = ()
     at_rest: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
@@ -150,7 +150,7 @@ class Guess(NamedTuple):
     @property
     def rate(self) -> float:
         """Frames a second of the performer with the most frames; 0 for none."""
-        return max(self.heard.values(), key=lambda each: len(each.times), default=Heard()).rate
+        return max(self.heard.values(), key=lambda each: len(each.times), default=Trace()).rate
 
 
 @dataclass(slots=True)
@@ -176,7 +176,7 @@ class Survey:
     bundles: int = 0
     largest: int = 0
     senders: dict[str, int] = field(default_factory=dict)
-    kinds: dict[tuple[str, str], Kind] = field(default_factory=dict)
+    kinds: dict[tuple[str, str], MessageKind] = field(default_factory=dict)
     announced: tuple[str, ...] = ()
     _kept: list[tuple[bytes, float, Sender]] = field(default_factory=list)
 
@@ -210,7 +210,7 @@ class Survey:
         if kind is None:
             if len(self.kinds) >= MAX_KINDS:
                 return
-            kind = self.kinds[key] = Kind(*key, first=arrival, example=tuple(message.arguments[:6]))
+            kind = self.kinds[key] = MessageKind(*key, first=arrival, example=tuple(message.arguments[:6]))
         elif kind.count:
             kind.longest_gap = max(kind.longest_gap, arrival - kind.last)
         kind.count += 1
@@ -219,10 +219,10 @@ class Survey:
     def looked_at_as(self, preset: Preset) -> Guess:
         """Read all packets by a preset, as a recogniser reads them, and say how well it fits."""
         decoder: Decoder = OwnDecoder() if preset.name == NATIVE else FeedDecoder(preset)
-        heard, events = dict[str, Heard](), 0
+        heard, events = dict[str, Trace](), 0
         for datagram, arrival, sender in self._kept:
             for event in decoder.decode(datagram, arrival, sender):
-                heard.setdefault(event.performer, Heard()).take(event, arrival)
+                heard.setdefault(event.performer, Trace()).take(event, arrival)
                 events += 1
         came, counts = set[str]().union(*(each.came for each in heard.values())), decoder.counts
         unknown, at_rest, understood = list[str](), list[str](), events

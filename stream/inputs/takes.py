@@ -74,7 +74,7 @@ def _sender(packet: RawPacket) -> Sender:
 
 
 @dataclass(slots=True)
-class Seen:
+class SeenJoints:
     """A first look at one performer in a recording.
 
     Attributes
@@ -104,11 +104,11 @@ class Seen:
         return Skeleton(few([f"joint{number}" for number in range(1, size + 1)]))
 
 
-def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, Seen]:
+def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, SeenJoints]:
     """List the performers of a recording."""
-    seen: dict[str, Seen] = {}
+    seen: dict[str, SeenJoints] = {}
     for arrival, event in events:
-        each = seen.setdefault(event.performer, Seen())
+        each = seen.setdefault(event.performer, SeenJoints())
         if isinstance(event, Announcement):
             each.joints = each.joints or event.joints
         else:
@@ -119,7 +119,7 @@ def seen_in(events: Iterator[tuple[float, Frame | Announcement]]) -> dict[str, S
 
 
 def ordered_frames(
-    recording: RawFile, preset: Preset | None, seen: Mapping[str, Seen]
+    recording: RawFile, preset: Preset | None, seen: Mapping[str, SeenJoints]
 ) -> Iterator[tuple[str, float, float, NDArray[np.floating]]]:
     """Give the frames of some performers, in each performer's order of joints; frames of other joints are left out.
 

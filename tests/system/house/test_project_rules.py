@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from functools import cache
 from graphlib import TopologicalSorter
@@ -111,6 +112,14 @@ def test_imports_go_one_way() -> None:
     for path in SOURCES:
         package = package_of(path)
         assert imported(path) & set(PACKAGES) <= BELOW[package] | {package}, name_of(path)
+
+
+def test_a_class_name_stands_for_one_thing() -> None:
+    """The page's own classes of what comes off the wire, a body and a bone of files, mean what the others mean."""
+    names = Counter(
+        node.name.lstrip("_") for path in SOURCES for node in ast.walk(parsed(path)) if isinstance(node, ast.ClassDef)
+    )
+    assert {name for name, count in names.items() if count > 1} <= {"Bone", "Classes", "Done", "Event"}
 
 
 def test_folders_import_one_way() -> None:

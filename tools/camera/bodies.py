@@ -165,7 +165,7 @@ _MISSED, _MAX_WAY, _MAX_GROWN = 5.0, 1.0, 1.6
 
 
 @dataclass(slots=True)
-class _Followed:
+class _SeenBody:
     """Where a body was seen last, and when, seconds; whether it is followed now."""
 
     region: Region
@@ -196,7 +196,7 @@ class Bodies:
             raise ValueError(f"--people: expected 1 to {MAX_BODIES}, got {most}")
         self._finder = finder
         self._names = (name, *(f"{name}-{number}" for number in range(2, most + 1)))
-        self._bodies: dict[str, _Followed] = {}
+        self._bodies: dict[str, _SeenBody] = {}
         self._next_look = -math.inf
 
     def seen(self, picture: NDArray[np.uint8], time: float) -> dict[str, Landmarks]:
@@ -231,7 +231,7 @@ class Bodies:
     def _take(self, name: str, marks: Landmarks | None, time: float, found: dict[str, Landmarks]) -> None:
         if marks is not None:
             found[name] = marks
-            self._bodies[name] = _Followed(marks.next_region, time)
+            self._bodies[name] = _SeenBody(marks.next_region, time)
 
     def _lost(self, region: Region, time: float, found: dict[str, Landmarks]) -> str | None:
         """Give the name of the body that was lost near a region a moment ago, if there is one."""

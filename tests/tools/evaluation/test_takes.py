@@ -23,7 +23,7 @@ from kinespace.stream import Settings
 from kinespace.tools.evaluation import evaluate_retrieval as paper
 from kinespace.tools.evaluation import evaluate_show
 from kinespace.tools.evaluation.evaluate_gestures import example_of, first_of, listened, moved
-from kinespace.tools.evaluation.evaluate_retrieval import Labels, Protocol, candidates, retrieve
+from kinespace.tools.evaluation.evaluate_retrieval import Labels, RetrievalProtocol, candidates, retrieve
 from kinespace.tools.evaluation.evaluate_show import lengths_of
 from kinespace.tools.evaluation.harness import Sources, Take, read_takes
 from kinespace.tools.evaluation.learn import WeighedWindows, fitted
@@ -180,8 +180,8 @@ def test_axes_equal_the_papers_svd(some_clips: tuple[Clip, ...], space: paper.Sp
         assert abs(raw @ np.linalg.svd(numbers[space])[2][0]) == pytest.approx(1.0, abs=1e-9)
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(3, 14), st.sampled_from(list(Protocol)))
-def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Protocol) -> None:
+@given(st.integers(0, 2**32 - 1), st.integers(3, 14), st.sampled_from(list(RetrievalProtocol)))
+def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: RetrievalProtocol) -> None:
     """For any scores, with ties, and any labels the outcome equals a count over sorted Python lists."""
     generator = np.random.default_rng(seed)
     scores = generator.integers(0, 5, size=(motions, motions)) / 4.0
@@ -193,8 +193,8 @@ def test_any_outcome_equals_sorted_lists(seed: int, motions: int, protocol: Prot
     assert [each.value() for each in found.shares.values()] == pytest.approx(np.mean(tally, axis=0))
 
 
-@pytest.mark.parametrize("protocol", [Protocol.ACTOR_HELD_OUT, Protocol.SPLIT])
-def test_a_protocol_in_which_nobody_asks_is_refused(protocol: Protocol) -> None:
+@pytest.mark.parametrize("protocol", [RetrievalProtocol.ACTOR_HELD_OUT, RetrievalProtocol.SPLIT])
+def test_a_protocol_in_which_nobody_asks_is_refused(protocol: RetrievalProtocol) -> None:
     """With one actor alone no motion has another to be compared with."""
     labels = Labels(np.array(["bow", "bow", "jump"]), np.array(["bd"] * 3))
     with pytest.raises(ValueError, match="--protocol: expected a motion that may be compared with two others"):

@@ -67,7 +67,7 @@ def test_a_pace_does_not_drift(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def answer(label: str, score: float) -> Answer:
     """Make a received answer."""
-    return Answer("me", 0, score, 0.1, label)
+    return Answer("me", label, 0, "named", score, 0.1)
 
 
 @given(st.lists(st.booleans(), max_size=40))

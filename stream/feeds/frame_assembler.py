@@ -55,8 +55,8 @@ _NOWHERE = (math.nan, math.nan, math.nan)
 class AssemblerCounts(InputCounts):
     """Counts of messages and joints, by their fate.
 
-    A malformed message has an address of the preset but other arguments; a foreign one the preset does not know, or it
-    names none of its joints.
+    A message is malformed if it has an address of the preset but other arguments. It is foreign if the preset knows
+    neither it nor a joint in it.
     """
 
     #: Messages that were read.
@@ -179,9 +179,9 @@ class FrameAssembler:
             if reading is None or reading.means is Means.NOTHING:
                 self.counts.foreign += 1
                 continue
-            is_nobodys = reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings
-            self.counts.foreign += is_nobodys
-            self.counts.understood += not is_nobodys
+            is_foreign = reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings
+            self.counts.foreign += is_foreign
+            self.counts.understood += not is_foreign
             if reading.means not in (Means.NAME, Means.ORDER):
                 self._take(reading, packet)
         if bundle:

@@ -111,7 +111,7 @@ class Settings:
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
             if value is not None and not 0 < value <= MAX_WINDOW:
-                raise ValueError(f"{name}: expected above 0 to {MAX_WINDOW:g} seconds, got {value}")
+                raise ValueError(f"{name}: expected more than 0 and at most {MAX_WINDOW:g} seconds, got {value}")
         for name in ("sensitivity", "lead", "hop", "stillness", "false_alarms"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):

@@ -472,7 +472,9 @@ def _labelled(head: TableHeader, first: Sequence[str], rows: list[list[str]]) ->
     told = [column for column, count in enumerate(counts) if 2 * count <= len(rows)]
     clocks, those = [each for each in head.clocks if each in told], _labels_in(head, first)
     # Of columns of names, the joints' has most: others name a person or a class.
-    those.sort(key=lambda each: -counts[each] * (each in head.labels and number_of(first[each]) is None))
+    of_names = [each for each in those if each in head.labels and number_of(first[each]) is None]
+    of_names.sort(key=lambda each: -counts[each])
+    those = [*of_names, *(each for each in those if each not in of_names)]
     labels = [[each] for each in those if each in told and counts[each] > 1] if head.joints else [those]
 
     def fits(*columns: int) -> bool:

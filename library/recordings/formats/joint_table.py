@@ -19,6 +19,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain, islice, pairwise
@@ -258,10 +259,7 @@ class _Table:
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
             return
         fields = [row[column] or "nan" for column in self.columns]
-        try:
-            self.values.extend([*map(float, fields)])
-        except ValueError:
-            self.values.extend([_known(path, line, each, number_of) for each in fields])
+        self.values.extend(_numbers(path, line, fields))
         for column, moments in self.clocks.items():
             moments.append(_known(path, line, row[column], _moment))
         for column, (texts, numbers) in [*self.cells.items()]:
@@ -580,6 +578,15 @@ def _turned(path: Path, table: _Table) -> _Table:
 def _is_finite(text: str) -> bool:
     number = number_of(text)
     return number is not None and math.isfinite(number)
+
+
+def _numbers(path: Path, line: int, fields: list[str]) -> list[float]:
+    """Read a row's coordinates: most rows hold plain numbers, which Python reads at once."""
+    # It reads `1_2` as twelve.
+    if "_" not in "".join(fields):
+        with suppress(ValueError):
+            return [*map(float, fields)]
+    return [_known(path, line, each, number_of) for each in fields]
 
 
 def _known(path: Path, line: int, text: str, reader: Callable[[str], float | None]) -> float:

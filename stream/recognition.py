@@ -325,8 +325,8 @@ class Recognition:
         }
 
 
-class Answer(msgspec.Struct, rename={"class_name": "class"}):
-    """One recognition as a receiver reads it off the wire: by OSC up to the margin.
+class Answer(msgspec.Struct, frozen=True, rename={"class_name": "class"}):
+    """One recognition as a receiver reads it off the wire; OSC tells the fields from `performer` to `margin`.
 
     Attributes
     ----------
@@ -335,15 +335,15 @@ class Answer(msgspec.Struct, rename={"class_name": "class"}):
     class_name, index
         The named class and its index; None and -1 for none.
     outcome
-        The word that says why no class is named.
+        `named`, or the word that says why no class is named.
     score, margin
         Score and margin of the best class, 0 to 1.
     guess
         The best class, also where none is named.
     scores
-        By class.
+        The score of each class, by its name.
     progress
-        As in a recognition.
+        The fields of a recognition's progress, by name.
     """
 
     performer: str

@@ -3,8 +3,8 @@
 A posture is all distances between joints (equation 1: `library.distances`). A motion is the leading eigenvector of
 their covariance over time, and two motions are as alike as the inner product of these vectors.
 
-Live, a window takes the motion's place, and the eigenvector of its covariance in the basis the place of `signature_of`
-(`Settings.signature`). Where several persons perform a class, the two nearest must agree.
+Live, a window is compared in place of a whole motion, by the leading eigenvector of its covariance in the basis
+(`Settings.signature`). Where several persons perform a class, the mean of the two nearest counts.
 """
 
 from typing import NamedTuple
@@ -89,7 +89,7 @@ class PaperComparer(NamedTuple):
     Attributes
     ----------
     windows
-        The same windows, of which the leading eigenvectors and their persons are taken.
+        The library's windows; only their leading eigenvectors, classes and persons are used.
     """
 
     windows: Comparer
@@ -97,8 +97,8 @@ class PaperComparer(NamedTuple):
     def distances(self, leading: NDArray[np.float32]) -> list[Distances]:
         """Compare some windows by their leading eigenvectors, (asked, directions).
 
-        A product is a squared distance, too: two matrices of one eigenvector each are 2 (1 − product²) apart. So a
-        class's log distance is the logarithm of 1 − product², of the mean product of its two nearest persons.
+        Matrices of one eigenvector each have the squared distance 2 (1 − product²). So a class's log distance is the
+        logarithm of 1 − product², where product is the mean of its two nearest persons'.
         """
         windows = self.windows
         products = similarity(leading, windows.eigenvectors)

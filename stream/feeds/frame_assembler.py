@@ -55,8 +55,8 @@ _NOWHERE = (math.nan, math.nan, math.nan)
 class AssemblerCounts(InputCounts):
     """Counts of messages and joints, by their fate.
 
-    A malformed message has an address of the preset but other arguments; a foreign one the preset does not know, or it
-    names none of its joints.
+    A message is malformed if it has an address of the preset but other arguments. It is foreign if the preset knows
+    neither it nor a joint in it.
     """
 
     #: Messages that were read.
@@ -88,7 +88,7 @@ class _Packet(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenFrame:
     """One performer's open frame; the performer's name as frames have it."""
 
     name: str
@@ -127,7 +127,7 @@ class FrameAssembler:
         #: The reason why the last malformed message is malformed.
         self.why_malformed = ""
         self.mapper = Mapper(preset)
-        self._bodies: dict[str, _Open] = {}
+        self._bodies: dict[str, _OpenFrame] = {}
         self._out: list[Frame | Announcement] = []
         #: The last time that each sender sent for all its performers.
         self._sender_times: dict[int, float] = {}
@@ -179,9 +179,9 @@ class FrameAssembler:
             if reading is None or reading.means is Means.NOTHING:
                 self.counts.foreign += 1
                 continue
-            is_nobodys = reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings
-            self.counts.foreign += is_nobodys
-            self.counts.understood += not is_nobodys
+            is_foreign = reading.means in (Means.JOINT, Means.FRAME) and reading.present and not reading.sightings
+            self.counts.foreign += is_foreign
+            self.counts.understood += not is_foreign
             if reading.means not in (Means.NAME, Means.ORDER):
                 self._take(reading, packet)
         if bundle:
@@ -214,7 +214,7 @@ class FrameAssembler:
                 body.last_message = packet.arrival
                 self._take_for(body, reading, packet)
 
-    def _take_for(self, body: _Open, reading: Content, packet: _Packet) -> None:
+    def _take_for(self, body: _OpenFrame, reading: Content, packet: _Packet) -> None:
         if not reading.present:
             if body.open:
                 self._close(body, Closing.END)
@@ -243,7 +243,7 @@ class FrameAssembler:
             return (self.preset.performer + suffix,)
         return [name for name, body in self._bodies.items() if body.sender == sender]
 
-    def _new_body(self, name: str, reading: Content, packet: _Packet) -> _Open | None:
+    def _new_body(self, name: str, reading: Content, packet: _Packet) -> _OpenFrame | None:
         """Begin a performer, if the message has joints and there is room."""
         is_empty = reading.means in (Means.JOINT, Means.FRAME) and not any(each.position for each in reading.sightings)
         if is_empty or reading.means in (Means.BEGIN, Means.END) or not reading.present:
@@ -252,10 +252,10 @@ class FrameAssembler:
             self.counts.no_room += 1
             return None
         last = self._sender_times.get(packet.sender)
-        self._bodies[name] = _Open(name, packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
+        self._bodies[name] = _OpenFrame(name, packet.sender, packet.arrival, time=last, interval=1 / self.preset.rate)
         return self._bodies[name]
 
-    def _add(self, body: _Open, reading: Content, arrival: float) -> None:
+    def _add(self, body: _OpenFrame, reading: Content, arrival: float) -> None:
         """Take in a joint, or several that came together."""
         if reading.time is not None and not self._in_time(body, reading.time):
             self.counts.late += len(reading.sightings)
@@ -282,7 +282,7 @@ class FrameAssembler:
         if all_here and Closing.COMPLETE in self.preset.closings.by:
             self._close(body, Closing.COMPLETE)
 
-    def _in_time(self, body: _Open, time: float) -> bool:
+    def _in_time(self, body: _OpenFrame, time: float) -> bool:
         """Let a joint of another time begin another frame; False for a joint that is too late for its own frame."""
         reference = body.time if body.open else body.closed_time
         if reference is None or (body.open and time == reference):
@@ -293,11 +293,11 @@ class FrameAssembler:
             self._close(body, Closing.REPEAT)
         return True
 
-    def _is_straggler(self, body: _Open) -> bool:
+    def _is_straggler(self, body: _OpenFrame) -> bool:
         """Tell a late joint of the last frame from the first of the next, by how few joints the open frame has."""
         return len(body.open) < _STRAGGLERS * self._coming(body)
 
-    def _coming(self, body: _Open) -> int:
+    def _coming(self, body: _OpenFrame) -> int:
         """Count the joints that came lately: a frame that has them all is complete."""
         earliest = body.opened - self.preset.closings.hold
         return sum(moment >= earliest for _, moment in body.seen.values())
@@ -305,7 +305,7 @@ class FrameAssembler:
     def _has_all(self, joints: Iterable[str]) -> bool:
         return {self._needed.get(joint) for joint in joints}.issuperset(self._targets)
 
-    def _end_bundle(self, body: _Open) -> None:
+    def _end_bundle(self, body: _OpenFrame) -> None:
         ended, body.ending = body.ending, False
         if body.open and ended:
             self._close(body, Closing.END)
@@ -318,7 +318,7 @@ class FrameAssembler:
         ):
             self._close(body, Closing.BUNDLE)
 
-    def _close(self, body: _Open, by: Closing) -> None:
+    def _close(self, body: _OpenFrame, by: Closing) -> None:
         """Give out the open frame, or refuse it; in either case the next frame begins."""
         moment = self._moment(body)
         scraps = by is not Closing.COMPLETE and self._is_straggler(body)
@@ -355,7 +355,7 @@ class FrameAssembler:
             self._out.append(Announcement(body.name, named))
         self._out.append(frame)
 
-    def _moment(self, body: _Open) -> float:
+    def _moment(self, body: _OpenFrame) -> float:
         """Give a frame's time; a frame without a time is as far from its arrival as the frame before."""
         if self.preset.clock == "arrival":
             return body.opened
@@ -368,7 +368,7 @@ class FrameAssembler:
         return {name: target for name, target in self.preset.named(came).items() if target}
 
     def _placed(
-        self, body: _Open, opened: Mapping[str, Sighting], joints: Mapping[str, str]
+        self, body: _OpenFrame, opened: Mapping[str, Sighting], joints: Mapping[str, str]
     ) -> dict[str, Vector] | None:
         """Find each joint in the frame or, held, in an earlier one; None when too many are absent for too long."""
         places: dict[str, Vector] = {}
@@ -384,7 +384,7 @@ class FrameAssembler:
         wanted = len({*joints.values()})
         return self._done_without([target for target in absent if target not in places], places, wanted)
 
-    def _placed_bones(self, body: _Open, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
+    def _placed_bones(self, body: _OpenFrame, opened: Mapping[str, Sighting]) -> dict[str, Vector] | None:
         """Place bones in the world; bones that the sender never sends stay at rest.
 
         A bone that is absent for too long is lost, and so are the bones below it, because its rotation is not known.
@@ -408,7 +408,7 @@ class FrameAssembler:
             return None
         return places | dict.fromkeys(lacking, _NOWHERE)
 
-    def _held(self, body: _Open, joint: str, longest: float) -> Sighting | None:
+    def _held(self, body: _OpenFrame, joint: str, longest: float) -> Sighting | None:
         sighting, moment = body.seen.get(joint, (None, -math.inf))
         if sighting is None or body.opened - moment > longest:
             return None

@@ -137,8 +137,9 @@ class RawWriter:
     """Appends packets to a new file.
 
     `write` copies the packet into memory. A thread writes the memory to the disk every second, so that a crash or a
-    power cut loses no more than that, and no packet waits for a disk. Bytes that the disk does not take stay in memory,
-    up to `MAX_WAITING`, and are tried again every second; the file never holds a part of a record in its middle.
+    power cut loses no more than that, and no packet waits for a disk. Packets that the disk does not take stay in
+    memory, up to `MAX_WAITING`, and are tried again every second; the file never holds a part of a record in its
+    middle.
 
     Parameters
     ----------

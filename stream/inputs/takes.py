@@ -48,12 +48,14 @@ def decoded(
         Or this version cannot read the preset that the recording keeps.
     """
     decoders = [_decoder(header, source, preset) for source in header.sources]
+    is_osc = [source.startswith("osc ") for source in header.sources]
     ended = 0.0
     for packet in packets:
         ended = packet.arrival + _AFTERWARDS
         decoder = decoders[packet.source]
         early = decoder.expire(packet.arrival)
-        held = decoder.decode(list(packet.parts), packet.arrival, _sender(packet))
+        whole = b"".join(packet.parts) if is_osc[packet.source] else list(packet.parts)
+        held = decoder.decode(whole, packet.arrival, _sender(packet))
         yield from ((packet.arrival, event) for event in (*early, *held))
     yield from ((ended, event) for decoder in decoders for event in decoder.expire(ended))
 

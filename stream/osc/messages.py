@@ -34,7 +34,7 @@ import numpy as np
 
 from kinespace.stream.frame import MAX_PERFORMER_LENGTH, Announcement, Frame, Input
 from kinespace.stream.osc import packet
-from kinespace.stream.recognition import GONE, Answer, Done, Event, Recognition
+from kinespace.stream.recognition import GONE, Answer, Done, Event, Outcome, Recognition
 from kinespace.stream.status import Status
 
 _FRAME = "/motion/frame"
@@ -328,7 +328,8 @@ def decode_answer(datagram: bytes) -> Answer | None:
         found = {message.address.rpartition("/")[2]: message for message in packet.decode_packet(datagram)}
         index, score, margin = map(packet.number_of, found["class"].arguments)
         (label,) = found["label"].arguments
-        performer, named = found["class"].address.split("/")[2], str(label) if index >= 0 else None
-        return Answer(performer, named, int(index), str(label), score, margin)
+        performer = found["class"].address.split("/")[2]
+        named, outcome = (str(label), Outcome.NAMED) if index >= 0 else (None, str(label))
+        return Answer(performer, named, int(index), outcome, score, margin)
     except (KeyError, TypeError, ValueError, IndexError, OverflowError):
         return None

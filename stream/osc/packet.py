@@ -23,7 +23,7 @@ _BUNDLE = b"#bundle\0"
 #: The beginning of every bundle that we send: its time tag says "immediately".
 BUNDLE_START = _BUNDLE + b"\0\0\0\0\0\0\0\1"
 _FIXED = {"i": struct.Struct(">i"), "h": struct.Struct(">q"), "f": struct.Struct(">f"), "d": struct.Struct(">d")}
-#: Moments, and colours, characters and MIDI, which hold no place: given as whole numbers.
+#: Time tags, and colours, characters and MIDI messages, which no frame has: all are read as whole numbers.
 _FIXED |= {"t": struct.Struct(">Q"), **dict.fromkeys("rcm", struct.Struct(">I"))}
 #: A type tag, or a run of floats.
 _RUN = re.compile(r"f+|.", re.DOTALL)
@@ -93,7 +93,8 @@ def split_packet(packet: bytes, depth: int = 0) -> list[bytes]:
     Raises
     ------
     PacketError
-        The bytes are neither a message nor a bundle, or the bundle has too many messages, or is too deep in others.
+        The bytes are neither a message nor a bundle, or the bundle has too many messages, or has bundles in it that are
+        nested too deep; `depth` says how many bundles these bytes are in.
     """
     if packet.startswith(b"/") or _is_bare(packet):
         return [packet]

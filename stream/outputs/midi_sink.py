@@ -36,7 +36,7 @@ class MidiSink(Sink):
     Raises
     ------
     ImportError
-        mido is not there.
+        mido is not there, or python-rtmidi for a port.
     OSError
         There is no such port; the message names those that are there.
 
@@ -63,6 +63,10 @@ class MidiSink(Sink):
             return
         try:
             names = self._mido.get_output_names()
+        except ImportError as error:
+            # The extra has python-rtmidi for the Pythons for which it has wheels.
+            why = f"no port without rtmidi ({error}): pip install python-rtmidi"
+            raise ImportError(f"--out midi: {why}; --out midi=FILE.mid writes a file") from error
         except Exception as error:
             raise OSError(f"--out midi: no MIDI here ({error}); --out midi=FILE.mid writes a file") from error
         self._name = next((name for name in names if name.startswith(place)), "")

@@ -161,7 +161,7 @@ class _Filter:
         swing = phases.log_swing(float(some.var(axis=0).sum())) - float(at @ keyframes.usual_swings)
         self._swing = _SIZE_KEPT * self._swing + swing
         self._swings = _SIZE_KEPT * self._swings + 1
-        # Half the probability lies below the phase: of the first keyframe all lies behind it, of the last before.
+        # Half the probability lies below the phase. The first keyframe's counts as below, the last one's as above.
         phase = float(np.interp(0.5, at.cumsum() - self._phases * at, self._phases))
         return self._answer(phase, float(at[np.abs(self._phases - phase) <= _NEAR].sum()))
 

@@ -28,7 +28,7 @@ LEAD_ONE = 3.6
 FALSE_ALARMS = 6.0
 #: Seconds between answers, at most.
 MAX_HOP = 60.0
-#: The longest window, and the longest gap: every machine has memory for it.
+#: Seconds of the paper's window, and of a gap, at most: every machine has memory for them.
 MAX_WINDOW = 60.0
 #: Seconds between two answers, at least, unless every frame is answered (0).
 MIN_HOP = 1e-3
@@ -111,7 +111,7 @@ class Settings:
         for name in ("window", "longest_gap"):
             value = getattr(self, name)
             if value is not None and not 0 < value <= MAX_WINDOW:
-                raise ValueError(f"{name}: expected above 0 to {MAX_WINDOW:g} seconds, got {value}")
+                raise ValueError(f"{name}: expected more than 0 and at most {MAX_WINDOW:g} seconds, got {value}")
         for name in ("sensitivity", "lead", "hop", "stillness", "false_alarms"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):
@@ -191,7 +191,7 @@ def _is_one_persons(library: MotionLibrary) -> bool:
 def threshold_for(index: WindowIndex, settings: Settings, *, of_fewer: bool = False) -> float:
     """Give the evidence, as a logit, from which a guess is known; less is named where joints are left out (`of_fewer`).
 
-    Of no effect by the paper's signature.
+    By the paper's signature every guess is known: −inf.
     """
     if index.comparison.weighing.as_in_paper:
         return -math.inf

@@ -265,8 +265,8 @@ class Service:
         if self._asked:
             self._carry_out(self._asked.popleft())
         taken: list[Taken] = []
-        source.patience = PATIENCE if self._clock() < self._overload.until else math.inf
-        is_overloaded = source.patience < math.inf
+        is_overloaded = self._clock() < self._overload.until
+        source.patience = PATIENCE if is_overloaded else math.inf
         packets, more, asked = 0, not is_overloaded, len(self._asked)
         # A command is carried out before the frames behind it.
         while more and max(packets, len(taken)) < _MAX_TOGETHER and len(self._asked) == asked:

@@ -163,7 +163,7 @@ class Track:
     Attributes
     ----------
     newest, answered_at
-        When the newest frame came, and the last one that was answered; before an answer when the performer came.
+        When the newest frame came, and the newest that was answered; before the first answer, when the performer came.
     events
         Gives the events: only the gateway knows of all answers, so that each motion starts and ends once.
     worker

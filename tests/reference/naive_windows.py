@@ -195,8 +195,8 @@ def placed(
     ]
 
 
-def log_distances(asked: Sequence[Matrix], windows: Sequence[Matrix], views: Sequence[Sequence[float]]) -> Matrix:
-    """Compare a window's groups with those of all windows: for each view the weighted mean of log distances.
+def log_distances(asked: Sequence[Matrix], windows: Sequence[Matrix], weights: Sequence[Sequence[float]]) -> Matrix:
+    """Compare a window's groups with those of all windows: for each blend the weighted mean of log distances.
 
     Parameters
     ----------
@@ -204,15 +204,15 @@ def log_distances(asked: Sequence[Matrix], windows: Sequence[Matrix], views: Seq
         The vector of each group, or its matrix.
     windows
         Of each group all windows' vectors (windows, axes), or matrices (windows, directions, directions).
-    views
-        The weight of each group.
+    weights
+        For each blend the weight of each group.
     """
     squared = [
         _squared_between(one, others) if one.ndim == 2 else np.sum((others - one) ** 2, axis=1)
         for one, others in zip(asked, windows, strict=True)
     ]
     logs = np.log(np.maximum(squared, 0.0) + NEAREST)
-    return np.array([sum(weight * log for weight, log in zip(view, logs, strict=True)) for view in views])
+    return np.array([sum(weight * log for weight, log in zip(blend, logs, strict=True)) for blend in weights])
 
 
 def _squared_between(one: Matrix, others: Matrix) -> Matrix:

@@ -52,19 +52,19 @@ class Twin:
             best[name] = max(sum(ratios) / len(ratios), best.get(name, -math.inf))
         return np.array([[-best[name] / 5 for name in sorted(best)]])
 
-    def named(self, numbers: Mapping[tuple[str, float], Matrix], views: Matrix) -> Matrix:
-        """Give each class's log distance for naming: the least of the views, and what the head that was taught adds."""
-        views = views[: len(self.index.comparison.weighing.blends)]
+    def named(self, numbers: Mapping[tuple[str, float], Matrix], logs: Matrix) -> Matrix:
+        """Give each class's log distance for naming: the least of the blends, and what a taught head adds."""
+        logs = logs[: len(self.index.comparison.weighing.blends)]
         head = self.index.head
         if head is None:
-            return views.min(axis=0)
+            return logs.min(axis=0)
         vectors = [*as_vectors(numbers, self.metrics).values()]
         places = [head.classes.index(name) for name in sorted(set(self.labels[0]))]
         likely = (np.concatenate(vectors) @ head.factors + head.offsets)[places]
-        return views.min(axis=0) + 0.06 * (np.logaddexp.reduce(likely) - likely)
+        return logs.min(axis=0) + 0.06 * (np.logaddexp.reduce(likely) - likely)
 
     def log_distances(self, numbers: Mapping[tuple[str, float], Matrix]) -> Matrix:
-        """Compare with every window, one at a time: (views, classes)."""
+        """Compare with every window, one at a time: (weights, classes)."""
         asked = placed(numbers, self.groups, self.metrics, self.joint)
-        views = log_distances(asked, self.windows, self.index.comparison.weighing.weights)
-        return np.array([list(nearest(view, *self.labels).values()) for view in views])
+        by_weights = log_distances(asked, self.windows, self.index.comparison.weighing.weights)
+        return np.array([list(nearest(logs, *self.labels).values()) for logs in by_weights])

@@ -135,9 +135,11 @@ def test_a_sent_answer_is_read_back(recognition: Recognition) -> None:
     heard = zeromq.decode_answer(zeromq.encode_recognition(recognition))
     assert (heard.performer, heard.label, heard.score) == (recognition.performer, recognition.label, recognition.score)
     assert (heard.index, heard.margin) == (recognition.class_index, recognition.margin)
+    assert (heard.class_name, heard.outcome) == (recognition.class_name, recognition.outcome)
     packet = osc.messages.encode_recognition(recognition)
     part, read = osc.address_part(recognition.performer), osc.decode_answer(packet)
     assert (read.performer, read.index, read.label) == (part, recognition.class_index, recognition.label)
+    assert (read.class_name, read.outcome) == (recognition.class_name, recognition.outcome)
     assert (read.score, read.margin) == pytest.approx((recognition.score, recognition.margin), abs=1e-6)
     assert packet[:16] == b"#bundle\0\0\0\0\0\0\0\0\1"
     assert len(packet) <= osc_answers.MAX_ANSWER

@@ -274,7 +274,8 @@ def require_extra() -> None:
     try:
         import_module("kinespace.tools.camera.vision")
     except ImportError as error:
-        raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): pip install 'kinespace[camera]'") from error
+        how = "pip install 'kinespace[camera]', on Python 3.11 to 3.13"
+        raise ImportError(f"a camera needs OpenCV and LiteRT ({error}): {how}") from error
 
 
 def landmark_names() -> list[str]:

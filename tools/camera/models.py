@@ -54,10 +54,14 @@ def models_at(place: Path | None, size: str) -> Models:
     ------
     FileNotFoundError
         They are not there; the message says how to get them.
+    NotADirectoryError
+        The place is a file.
     ValueError
         A file is damaged, or too large.
     """
     folder = cache() if place is None else place
+    if folder.is_file():
+        raise NotADirectoryError(f"{folder}: expected a folder of models; a .task is a zip: unpack it into one")
     names = {each.name: each for each in folder.iterdir()} if folder.is_dir() else {}
     detector = next((names[name] for name in _DETECTORS if name in names), None)
     landmarks = next((names[name] for name in (_LANDMARKS.format(size), _TASK[1]) if name in names), None)

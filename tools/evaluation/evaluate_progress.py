@@ -70,17 +70,17 @@ def run(options: argparse.Namespace) -> None:
 def followed(library: MotionLibrary, *, every: int = 1) -> list[dict[str, object]]:
     """Follow every motion by the other actors' motions; give the scores of each way of playing."""
     classes = opened(library).phases.classes.values()
-    # The phases of every motion's moments, by the motion's identity.
+    # The phases of every motion's keyframes, by the motion's identity.
     truth = {id(clip): phases for each in classes for clip, phases in zip(each.clips, each.phases, strict=True)}
     results = defaultdict[str, list[tuple[Clip, Estimate, Estimate]]](list)
     for actor in progress(library.actors, "Persons", len(library.actors)):
         index = opened(library.without(actors=[actor]))
         for clip in [each for each in library.motions if each.actor == actor][::every]:
-            moments = index.phases.classes.get(clip.class_name)
-            if moments is None or id(clip) not in truth:
+            keyframes = index.phases.classes.get(clip.class_name)
+            if keyframes is None or id(clip) not in truth:
                 continue
             for way in (AS_RECORDED, WARPED):
-                positions, true = _played(clip, truth[id(clip)], moments.seconds, warped=way == WARPED)
+                positions, true = _played(clip, truth[id(clip)], keyframes.seconds, warped=way == WARPED)
                 results[way].append((clip, true, _estimate(clip.class_name, positions, index)))
     return [_scored(way, each) for way, each in results.items()]
 

@@ -56,9 +56,8 @@ def run(options: argparse.Namespace) -> None:
     ways = _ways(clips, options.signature)
     names = distinct(" ".join(filter(None, (clip.class_name, clip.actor, clip.take))) for clip in clips)
     protocols = [RetrievalProtocol(options.protocol)] if options.protocol else _protocols(clips)
-    if RetrievalProtocol.LEAVE_ONE_OUT not in protocols and (
-        unnamed := [clip.name for clip in clips if not clip.actor]
-    ):
+    unnamed = [clip.name for clip in clips if not clip.actor]
+    if unnamed and RetrievalProtocol.LEAVE_ONE_OUT not in protocols:
         raise ValueError(f"{unnamed[0]}: expected a name with the actor in it, as HDM05's have; --actor-in says where")
     scores, rows = list[dict[str, Any]](), list[dict[str, Any]]()
     # The paper's conclusion shows where the person is held out, to the letter of the paper.

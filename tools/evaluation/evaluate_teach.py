@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     teachers = sorted(options.teachers or by_person)
     replies = _replies(by_person, teachers, options)
     if not any(replies.values()):
-        note("nothing asked: each class needs a take more than examples, and a class of one take keeps it from asking")
+        note("nothing asked: each class needs one take more than --examples says; a take that teaches does not ask")
         return 1
     figures = {"examples": options.examples, **scored(replies, options.examples)}
     lessons = begun([clip for each in by_person.values() for _, clip in each]) | stood([take.clip for take in takes])

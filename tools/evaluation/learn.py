@@ -114,10 +114,10 @@ class _TakeWindows(NamedTuple):
         return [window for window in self.windows if window[1] in self.take.contains]
 
 
-class _Looks(NamedTuple):
-    """What a library of some joints saw: its own motions, takes with all joints of the whole library, and with fewer.
+class _BodyWindows(NamedTuple):
+    """Windows by the joints of one body: of a library's own motions, and of takes with all its joints and with fewer.
 
-    Evidence is relative to what is typical of the library.
+    Evidence is relative to what is typical of the library by these joints.
     """
 
     opened: WindowIndex
@@ -228,17 +228,19 @@ def everyday_of(clips: Sequence[Clip]) -> NDArray[np.float16]:
     return np.array(means, dtype=np.float16)
 
 
-def _seen_by(library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool) -> _Looks:
+def _seen_by(
+    library: MotionLibrary, whole: Sequence[Take], fewer: Sequence[Take] = (), *, follow: bool
+) -> _BodyWindows:
     """Let a library recognise its own motions, perhaps behind others, too, and takes that have all of its joints."""
     opened = WindowIndex.of(library, weighing=ACROSS_LABORATORIES)
     index = _asked(opened, typical_evidence(opened))
     shown = progress([*whole, *fewer], "Strangers", len(whole) + len(fewer))
     courses = [_TakeWindows(take, _windows(index, take.clip.over(library.skeleton))) for take in shown]
-    return _Looks(index, _own_courses(index, follow=follow), courses[: len(whole)], courses[len(whole) :])
+    return _BodyWindows(index, _own_courses(index, follow=follow), courses[: len(whole)], courses[len(whole) :])
 
 
 def _learned(
-    classes: Sequence[str], bodies: Sequence[_Looks], clean: Sequence[_Own], over: float
+    classes: Sequence[str], bodies: Sequence[_BodyWindows], clean: Sequence[_Own], over: float
 ) -> tuple[Rejection, _Judged]:
     """Learn numbers for some bodies: no more unknown time of any of them is named than a threshold says.
 
@@ -247,7 +249,7 @@ def _learned(
     classes
         The classes that may be guessed.
     bodies
-        What was seen by the joints of each.
+        The windows by the joints of each body.
     clean
         Motions by which biases are raised, so that every class is named at the usual sensitivity, also a class that
         resembles strangers' everyday movement.

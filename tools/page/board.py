@@ -88,7 +88,7 @@ class _Motion:
 
 
 @dataclass(slots=True)
-class _OnBoard:
+class _ShownPerformer:
     arrived: float
     body: _Noted = field(default_factory=_Noted)
     skeleton: _Noted = field(default_factory=_Noted)
@@ -122,7 +122,7 @@ class Board:
 
     def __init__(self) -> None:
         self.number = self.unread = 0
-        self._performers: dict[str, _OnBoard] = {}
+        self._performers: dict[str, _ShownPerformer] = {}
         self._further: dict[str, float] = {}
         self._here = _Noted([])
         self._classes, self._status, self._control = _Noted([]), _Noted(), _Noted()
@@ -161,18 +161,18 @@ class Board:
             case _Notice():
                 self._take_notice(message, now)
 
-    def _performer(self, name: str, now: float) -> _OnBoard | None:
+    def _performer(self, name: str, now: float) -> _ShownPerformer | None:
         performer = self._performers.get(name)
         if performer is None:
             if len(self._performers) >= MAX_SHOWN:
                 self._further[name] = now
                 return None
-            performer = self._performers[name] = _OnBoard(now)
+            performer = self._performers[name] = _ShownPerformer(now)
             self._here = _Noted([*self._performers], self.number)
         performer.arrived = now
         return performer
 
-    def _take_body(self, performer: _OnBoard, header: BodyHeader, positions: bytes) -> None:
+    def _take_body(self, performer: _ShownPerformer, header: BodyHeader, positions: bytes) -> None:
         performer.body = _Noted((header.joints, positions), self.number)
         if header.names:
             skeleton = {"names": header.names, "parents": header.parents or ()}
@@ -181,7 +181,7 @@ class Board:
         if header.carried:
             performer.carried = _Noted({"joints": header.carried, "pairs": header.pairs}, self.number)
 
-    def _take_answer(self, performer: _OnBoard, answer: Answer, now: float) -> None:
+    def _take_answer(self, performer: _ShownPerformer, answer: Answer, now: float) -> None:
         known = dict.fromkeys([*self._classes.shown, *answer.scores])
         if len(known) > len(self._classes.shown):
             self._classes = _Noted([*known], self.number)
@@ -194,7 +194,7 @@ class Board:
         while len(performer.guesses) > 1 and performer.guesses[1][1] < now - _KEPT:
             performer.guesses.popleft()
 
-    def _take_event(self, performer: _OnBoard, event: _Event, now: float) -> None:
+    def _take_event(self, performer: _ShownPerformer, event: _Event, now: float) -> None:
         performer.close(event.t, now, self.number)
         if event.event == EventKind.START:
             motion = _Motion(next(self._keys), event.label, now, None, self.number, started=event.t)

@@ -298,7 +298,7 @@ class RosterOpener:
         last, new = changes[-1], {each.number for each in changes}
         others = tuple(each for each in roster.examples if each.class_name != NOTHING or each.number not in new)
         try:
-            # What is held against a new `nothing`: gestures, also those that came with it.
+            # A new `nothing` is held against the gestures: those that came with it are opened first.
             if len(changes) > 1 and len(others) < len(roster.examples):
                 self._windows.index_of(replace(roster, examples=others))
             before = self._windows.courses

@@ -19,6 +19,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain, islice, pairwise
@@ -258,10 +259,7 @@ class _Table:
             memory.require(len(self.rows) * len(row) * _CELL, "memory")
             return
         fields = [row[column] or "nan" for column in self.columns]
-        try:
-            self.values.extend([*map(float, fields)])
-        except ValueError:
-            self.values.extend([_known(path, line, each, number_of) for each in fields])
+        self.values.extend(_numbers(path, line, fields))
         for column, moments in self.clocks.items():
             moments.append(_known(path, line, row[column], _moment))
         for column, (texts, numbers) in [*self.cells.items()]:
@@ -472,7 +470,9 @@ def _labelled(head: TableHeader, first: Sequence[str], rows: list[list[str]]) ->
     told = [column for column, count in enumerate(counts) if 2 * count <= len(rows)]
     clocks, those = [each for each in head.clocks if each in told], _labels_in(head, first)
     # Of columns of names, the joints' has most: others name a person or a class.
-    those.sort(key=lambda each: -counts[each] * (each in head.labels and number_of(first[each]) is None))
+    of_names = [each for each in those if each in head.labels and number_of(first[each]) is None]
+    of_names.sort(key=lambda each: -counts[each])
+    those = [*of_names, *(each for each in those if each not in of_names)]
     labels = [[each] for each in those if each in told and counts[each] > 1] if head.joints else [those]
 
     def fits(*columns: int) -> bool:
@@ -578,6 +578,15 @@ def _turned(path: Path, table: _Table) -> _Table:
 def _is_finite(text: str) -> bool:
     number = number_of(text)
     return number is not None and math.isfinite(number)
+
+
+def _numbers(path: Path, line: int, fields: list[str]) -> list[float]:
+    """Read a row's coordinates: most rows hold plain numbers, which Python reads at once."""
+    # It reads `1_2` as twelve.
+    if "_" not in "".join(fields):
+        with suppress(ValueError):
+            return [*map(float, fields)]
+    return [_known(path, line, each, number_of) for each in fields]
 
 
 def _known(path: Path, line: int, text: str, reader: Callable[[str], float | None]) -> float:

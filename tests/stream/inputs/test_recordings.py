@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from kinespace.stream.inputs import kinerec
-from kinespace.stream.inputs.kinerec import RawFile, RawFileError, RawPacket, RawWriter
+from kinespace.stream import Frame, osc
+from kinespace.stream.inputs import OwnDecoder, kinerec
+from kinespace.stream.inputs.kinerec import RawFile, RawFileError, RawHeader, RawPacket, RawWriter
+from kinespace.stream.inputs.takes import decoded
 
 SOURCES = ("osc 127.0.0.1:9310", "zmq tcp://127.0.0.1:9320")
 PACKETS = [
@@ -49,6 +52,15 @@ def test_presets_are_kept_and_older_headers_read(tmp_path: Path) -> None:
                 RawFile(path)
         else:
             assert (RawFile(path).header.sources, RawFile(path).header.presets) == (SOURCES, read)
+
+
+def test_a_recorded_datagram_is_read_as_it_was_live() -> None:
+    """Also one whose address lacks its slash, which ZeroMQ messages may not lack."""
+    frame = osc.encode_frame(Frame("ann", 1.0, np.ones((5, 3))))
+    packet = frame.replace(b"/motion/frame\0\0\0", b"motion/frame\0\0\0\0")
+    assert len(OwnDecoder().decode(packet, 1.0, None)) == 1
+    packets = [RawPacket(1.0, place, "10.0.0.7:4000", (packet,)) for place in (0, 1)]
+    assert [len([*decoded(RawHeader("", SOURCES), [each])]) for each in packets] == [1, 0]
 
 
 def test_a_file_is_read_to_its_last_whole_record(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import socket
+import sys
 import tomllib
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -365,6 +366,14 @@ def test_a_port_that_is_not_there_is_said_with_those_that_are(port: _Port) -> No
     with pytest.raises(OSError, match="no port 'Piano'; there are: Synth 1, Loop 2"):
         MidiSink("Piano")
     assert not port.sent
+
+
+def test_without_rtmidi_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra leaves it out where it has no wheel."""
+    monkeypatch.setitem(sys.modules, "rtmidi", None)
+    monkeypatch.setattr(mido, "get_output_names", mido.Backend("mido.backends.rtmidi").get_output_names)
+    with pytest.raises(ImportError, match=r"--out midi: no port without rtmidi .*: pip install python-rtmidi; "):
+        MidiSink()
 
 
 def test_a_file_holds_the_notes_at_any_time(tmp_path: Path) -> None:

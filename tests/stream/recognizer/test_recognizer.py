@@ -324,8 +324,8 @@ PAPER = LiveSignature.PAPER
         ({"window": 1.0}, "window: expected the signature paper with it, got windows"),
         ({"signature": "paper", "sensitivity": 0.0}, "sensitivity: expected the signature windows with it, got paper"),
         ({"signature": "paper", "progress": True}, "progress: expected the signature windows with it, got paper"),
-        *(({"signature": "paper", "window": each}, "window: expected above 0 to 60") for each in (0, -1.0, math.inf)),
-        *(({"longest_gap": each}, "longest_gap: expected above 0 to 60 seconds") for each in (0, math.nan)),
+        *(({"signature": "paper", "window": each}, "window: expected more than 0") for each in (0, -1.0, math.inf)),
+        *(({"longest_gap": each}, "longest_gap: expected more than 0 and at most 60 s") for each in (0, math.nan)),
         *(
             ({name: each}, f"{name}: expected a number not below 0, got {each}")
             for name in ("sensitivity", "lead", "hop", "stillness")

@@ -115,7 +115,7 @@ def test_imports_go_one_way() -> None:
 
 
 def test_a_class_name_stands_for_one_thing() -> None:
-    """The page's own classes of what comes off the wire, a body and a bone of files, mean what the others mean."""
+    """The page's `Classes`, `Done` and `Event` are the recogniser's off the wire; a `Bone` is a file's or a feed's."""
     names = Counter(
         node.name.lstrip("_") for path in SOURCES for node in ast.walk(parsed(path)) if isinstance(node, ast.ClassDef)
     )

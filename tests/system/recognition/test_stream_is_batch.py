@@ -83,11 +83,11 @@ def _due(twin: Twin, frames: Sequence[Frame], settings: Settings) -> Iterator[Du
             yield None
             continue
         numbers = twin.numbers(hop.time, hop.times, hop.rows)
-        views = twin.log_distances(numbers)
-        by_groups = views[len(index.comparison.weighing.blends) :]
+        logs = twin.log_distances(numbers)
+        by_groups = logs[len(index.comparison.weighing.blends) :]
         judged = twin.unlikelihoods(numbers) if index.rejection.by_likelihood else by_groups
         movement = naive_windows.moved(naive_windows.moments(*hop.last(1.0)))
-        yield Due(hop.time, twin.named(numbers, views), judged, hop.noise, movement)
+        yield Due(hop.time, twin.named(numbers, logs), judged, hop.noise, movement)
 
 
 def _compare(twin: Twin, frames: Sequence[Frame], settings: Settings | None = None) -> list[Recognition]:

@@ -214,6 +214,8 @@ def test_models_are_fetched_checked_kept_and_read(place: Path, monkeypatch: pyte
     (place / _FULL).write_bytes(b"changed")
     with pytest.raises(ValueError, match=r"pose_landmark_full.tflite: damaged; `kinespace camera --get-models`"):
         models.models_at(None, "full")
+    with pytest.raises(NotADirectoryError, match="expected a folder of models"):
+        models.models_at(place / _FULL, "full")
 
 
 def test_clients_that_fail_are_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

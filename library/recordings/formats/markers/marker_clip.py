@@ -168,9 +168,10 @@ def _clip(names: Sequence[str], even: Evened, notes: Sequence[str]) -> Clip:
         raise ValueError(f"expected 2 markers or more that are seen, got {(~lost).sum()} of {len(names)}")
     skeleton = Skeleton(tuple(name for name, gone in zip(names, lost, strict=True) if not gone))
     filled = _filled(even.positions[:, ~lost], missing[:, ~lost], absent)
-    rests = ["positions: no two joints keep their distance: are they speeds, or turns?"] * (not _holds_together(filled))
+    odd = "positions: no two joints keep their distance: are they speeds, or turns?"
+    rests = [] if _holds_together(filled) else [odd]
     spans = [(a / even.rate, b / even.rate) for a, b in absent]
-    rests += [f"not seen: markers from {a:.2f} to {b:.2f} s; the body rests" for a, b in spans]
+    rests += [f"not seen: too many markers from {a:.2f} to {b:.2f} s; the body rests" for a, b in spans]
     return Clip(
         skeleton=skeleton,
         positions=filled,
@@ -213,7 +214,8 @@ def _is_around_origin(positions: Positions) -> bool:
 def _absences(missing: NDArray[np.bool_], longest: float) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
     """Find when there is no body, frames from and to, and the markers that are missing for too long at other times.
 
-    Half of the markers in half of the frames are enough; else the way counts by which most places are left.
+    The shares of `_ABSENT` are tried one after the other. The first that leaves half of the markers and half of the
+    frames is taken, else the one that leaves most places.
     """
     ever: NDArray[np.bool_] = ~missing.min(axis=0)
     ways = list[tuple[int, list[tuple[int, int]], NDArray[np.bool_]]]()

@@ -183,7 +183,7 @@ def test_markers_out_of_sight_stand_on_straight_lines(tmp_path: Path, ending: st
     clip = read(walked(ending, tmp_path, positions), Reading(joints=("hip", "heel"), unit="mm"))
     assert clip.gaps == ((0.3, 0.9),)
     np.testing.assert_array_equal(clip.positions[30:90], np.broadcast_to(clip.positions[29], (60, 2, 3)))
-    assert clip.notes == ("not seen: markers from 0.30 to 0.90 s; the body rests",)
+    assert clip.notes == ("not seen: too many markers from 0.30 to 0.90 s; the body rests",)
 
 
 def test_markers_that_are_missing_by_turns_do_not_stop_the_body(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ some seconds waits for a second frame that agrees with it, so that one wrong pac
 seconds are converted by their arrivals (`kinespace.stream.inputs.clock`).
 """
 
+from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -18,9 +19,9 @@ from kinespace.stream.status import AdmissionCounts
 MAX_JUMP = 5.0
 #: Names that are remembered, at most; only a sender that makes up names reaches the limit.
 _MAX_NAMES = 1024
-#: Conflicts that are remembered, at most.
-_MAX_CONFLICTS = 16
-#: Packets from one port after which a sender is known to keep to it.
+#: Ports of one host that are known to be other programs, at most.
+_MAX_PORTS = 16
+#: Packets in a row from one port after which a sender is known to keep to it.
 _STEADY = 3
 #: Seconds without one of them after which the sender may have started again at another port.
 _RESTARTED = 0.5
@@ -36,9 +37,14 @@ class _Owner:
     last_seen: float
     #: Where the sender listens for answers; None where the transport does not say.
     reply_to: Sender = None
-    #: When a packet last came from the owner's port, and how many came from there.
+    #: When a packet last came from the owner's port.
     port_last_seen: float = 0.0
-    from_port: int = 0
+    #: Ports of the same host that send at the same time.
+    other_ports: deque[int] = field(default_factory=lambda: deque(maxlen=_MAX_PORTS))
+    #: The other port of the same host from which a packet last came.
+    last_port: int = 0
+    #: Packets in a row that came from the owner's port.
+    in_a_row: int = 0
     #: Converts the sender's times.
     clock: SenderClock = field(default_factory=SenderClock)
     #: The converted time of its last admitted frame, seconds, and that frame's arrival.
@@ -120,7 +126,7 @@ class Admission:
         """Admit an announcement of the performer's sender; another sender's waits for frames from the same port."""
         owner = self._owners.get(event.performer)
         # The owner of one port may have begun again at another, but only its frames say so.
-        elsewhere = owner and owner.host == host and port != owner.port and owner.from_port >= _STEADY
+        elsewhere = owner and owner.host == host and port != owner.port and owner.in_a_row >= _STEADY
         restarted = owner and elsewhere and arrival - owner.port_last_seen > _RESTARTED
         if owner and not elsewhere and self._is_owner(owner, arrival, host, port):
             return (event,)
@@ -135,7 +141,7 @@ class Admission:
         owner = self._owners.get(name)
         first: list[Admitted] = []
         if owner is None or arrival - owner.last_seen > self._silence:
-            if owner and (owner.host != host or (owner.port != port and owner.from_port >= _STEADY)):
+            if owner and (owner.host != host or (owner.port != port and owner.in_a_row >= _STEADY)):
                 first.append(NewSender(name))
             # Names are ordered by their last change of sender.
             self._owners.pop(name, None)
@@ -157,24 +163,34 @@ class Admission:
     def _is_owner(self, owner: _Owner, arrival: float, host: str, port: int) -> bool:
         """Tell the performer's sender from other senders; some programs send each packet from another port.
 
-        Another port of the same host belongs to another program if the sender keeps to its own, and still sends.
+        Another port of the same host belongs to another program if packets come from the first port again after it, or
+        all the time.
         """
         if host != owner.host:
             return False
         if port == owner.port:
+            if owner.last_port:
+                owner.other_ports.append(owner.last_port)
+                owner.last_port = 0
             owner.port_last_seen = arrival
-            owner.from_port += 1
+            owner.in_a_row += 1
             return True
-        if owner.from_port >= _STEADY and arrival - owner.port_last_seen <= _RESTARTED:
+        if owner.in_a_row >= _STEADY and arrival - owner.port_last_seen <= _RESTARTED:
+            return False
+        owner.in_a_row = 0
+        if port in owner.other_ports and arrival - owner.port_last_seen <= self._silence:
             return False
         if arrival - owner.port_last_seen > self._silence:
-            owner.port, owner.port_last_seen, owner.from_port = port, arrival, 1
+            owner.port, owner.port_last_seen, owner.last_port = port, arrival, 0
+            owner.other_ports.clear()
+        else:
+            owner.last_port = port
         return True
 
     def _refuse(self, name: str, owner: _Owner, arrival: float, host: str, port: int) -> None:
         self.counts.other_sender += 1
         two = sender_name((owner.host, owner.port)), sender_name((host, port))
-        remember(self._conflicts, name, (*two, arrival), _MAX_CONFLICTS)
+        remember(self._conflicts, name, (*two, arrival), _MAX_PORTS)
 
     def _in_time(self, owner: _Owner, frame: Frame, arrival: float) -> Sequence[Frame]:
         """Admit a frame whose time follows the last one; admit one that jumps with the next one that agrees."""

@@ -24,15 +24,15 @@ def is_annotation(path: Path, takes: int) -> bool:
     return path.suffix.lower() in _WRITERS
 
 
-def write_annotations(path: Path, courses: Sequence[AnsweredTake]) -> None:
+def write_annotations(path: Path, answered: Sequence[AnsweredTake]) -> None:
     """Write what was said of takes, and what was performed, into a file that `is_annotation`."""
-    path.write_text(_WRITERS[path.suffix.lower()](courses), encoding="utf-8")
+    path.write_text(_WRITERS[path.suffix.lower()](answered), encoding="utf-8")
 
 
-def _tiers(course: AnsweredTake) -> dict[str, list[Segment]]:
+def _tiers(one: AnsweredTake) -> dict[str, list[Segment]]:
     """Give a take's segments by tier; a motion that goes on ends with the take."""
     begun, started, done = dict[str, float](), list[Segment](), list[Segment]()
-    for answer in course.answers:
+    for answer in one.answers:
         for event in answer.events:
             if event.kind is EventKind.START:
                 begun[event.label] = event.time
@@ -40,21 +40,21 @@ def _tiers(course: AnsweredTake) -> dict[str, list[Segment]]:
                 started.append(Segment(since, event.time, event.label))
         if answer.done:
             done.append(Segment(max(answer.done.start, 0.0), answer.done.end, answer.done.label))
-    last = float(course.times[-1])
+    last = float(one.times[-1])
     started += [Segment(since, last, label) for label, since in begun.items() if last > since]
-    return dict(zip(TIERS, (started, done, list(course.segments)), strict=True))
+    return dict(zip(TIERS, (started, done, list(one.segments)), strict=True))
 
 
-def _elan(courses: Sequence[AnsweredTake]) -> str:
-    (course,) = courses
+def _elan(answered: Sequence[AnsweredTake]) -> str:
+    (one,) = answered
     root = ET.Element("ANNOTATION_DOCUMENT", AUTHOR="kinespace", FORMAT="3.0", VERSION="3.0")
     root.set("DATE", f"{_DATE}+00:00")
     root.set("xmlns:xsi", _XSI)
     root.set("xsi:noNamespaceSchemaLocation", _SCHEMA)
     ET.SubElement(root, "HEADER", MEDIA_FILE="", TIME_UNITS="milliseconds")
     order, number = ET.SubElement(root, "TIME_ORDER"), 0
-    for name, segments in _tiers(course).items():
-        person = printable(course.person)
+    for name, segments in _tiers(one).items():
+        person = printable(one.person)
         tier = ET.SubElement(root, "TIER", LINGUISTIC_TYPE_REF="motion", TIER_ID=name, PARTICIPANT=person)
         for segment in segments:
             place = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), "ALIGNABLE_ANNOTATION")
@@ -70,16 +70,16 @@ def _elan(courses: Sequence[AnsweredTake]) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 
-def _boris(courses: Sequence[AnsweredTake]) -> str:
-    tiers = [_tiers(course) for course in courses]
+def _boris(answered: Sequence[AnsweredTake]) -> str:
+    tiers = [_tiers(one) for one in answered]
     codes = sorted({f"{tier} {each.label}" for own in tiers for tier, some in own.items() for each in some})
-    people = sorted({course.person for course in courses} - {""})
+    people = sorted({one.person for one in answered} - {""})
     named = {"time_format": "s", "project_date": _DATE, "project_name": "kinespace", "project_description": ""}
     observed = {"file": {}, "type": "LIVE", "date": _DATE, "description": "", "time offset": 0.0}
     observations = dict[str, object]()
-    for course, own in zip(courses, tiers, strict=True):
-        events = sorted(_boris_events(course, own), key=lambda event: event[0])
-        observations[course.name] = {**observed, "events": events, "independent_variables": {}}
+    for one, own in zip(answered, tiers, strict=True):
+        events = sorted(_boris_events(one, own), key=lambda event: event[0])
+        observations[one.name] = {**observed, "events": events, "independent_variables": {}}
     blank = ("key", "description", "category", "modifiers", "excluded", "coding map")
     behaviour = {"type": "State event", "code": "", **dict.fromkeys(blank, "")}
     project = {
@@ -97,12 +97,12 @@ def _boris(courses: Sequence[AnsweredTake]) -> str:
     return json.dumps(project, indent=1, ensure_ascii=False)
 
 
-def _boris_events(course: AnsweredTake, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:
+def _boris_events(one: AnsweredTake, tiers: dict[str, list[Segment]]) -> Iterator[tuple[float, str, str, str, str]]:
     """Give the events of a take: a state event begins with one row and ends with the next of its behaviour."""
     for tier, segments in tiers.items():
         for segment in segments:
             for seconds in (segment.start, segment.end):
-                yield round(seconds, 3), course.person, f"{tier} {segment.label}", "", ""
+                yield round(seconds, 3), one.person, f"{tier} {segment.label}", "", ""
 
 
 _WRITERS = {".eaf": _elan, ".boris": _boris}

@@ -51,15 +51,15 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError("--resample persons: expected the person of every take, got takes without (--actor-in name)")
     without = Kind(options.without_part) if options.without_part else None
     settings, played = settings_of(options), progress(asked, "Replaying", len(asked))
-    courses = [course(each.take, _compared(each.library, without), classes, settings) for each in played]
-    persons = _by_person(asked, courses, classes)
+    answered = [replayed(each.take, _compared(each.library, without), classes, settings) for each in played]
+    persons = _by_person(asked, answered, classes)
     if annotates:
-        write_annotations(options.answers, courses)
+        write_annotations(options.answers, answered)
     elif options.answers:
-        scores.write_rows(options.answers, scores.answer_rows(courses, classes))
+        scores.write_rows(options.answers, scores.answer_rows(answered, classes))
     if options.segments:
-        scores.write_rows(options.segments, scores.segment_rows(courses, classes, harness.INSIDE))
-    figures, described = scores.score_courses(courses, classes, harness.INSIDE)
+        scores.write_rows(options.segments, scores.segment_rows(answered, classes, harness.INSIDE))
+    figures, described = scores.score_takes(answered, classes, harness.INSIDE)
     intervals = scores.intervals_of(figures, by_person=by_person)
     found = {**scores.values_of(figures), **described, "intervals": intervals}
     tables = [*scores.tables_of(found, "95 %, by person" if by_person else "95 %")]
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
     tell(options, found, *tables)
 
 
-def course(
+def replayed(
     take: Take, compared: MotionLibrary | WindowIndex, classes: Sequence[str], settings: Settings
 ) -> scores.AnsweredTake:
     """Push a take through the recogniser, frame by frame, and compare its answers with the labels.
@@ -87,7 +87,7 @@ def course(
     feed = harness.Feed.of(take.clip, library.skeleton, take.delivered)
     recognizer = Recognizer(compared, settings)
     answers = [answer for _, answer in harness.pushed(recognizer, feed) if answer is not None]
-    played = scores.course_of(take, feed.times, answers, classes=classes, known=library.classes)
+    played = scores.answered_take(take, feed.times, answers, classes=classes, known=library.classes)
     return replace(played, unlike=recognizer.fitting.unlike)
 
 
@@ -98,13 +98,13 @@ def _compared(library: MotionLibrary, without: Kind | None) -> MotionLibrary | W
 
 
 def _by_person(
-    asked: Sequence[harness.AskedTake], courses: Sequence[scores.AnsweredTake], classes: Sequence[str]
+    asked: Sequence[harness.AskedTake], answered: Sequence[scores.AnsweredTake], classes: Sequence[str]
 ) -> dict[str, _Values]:
     """Score the takes of each person's fold separately, if folds are persons'."""
     values = dict[str, _Values]()
     for person in sorted({each.person for each in asked} - {""}):
-        own = [course for each, course in zip(asked, courses, strict=True) if each.person == person]
-        figures, _ = scores.score_courses(own, classes, harness.INSIDE)
+        own = [one for each, one in zip(asked, answered, strict=True) if each.person == person]
+        figures, _ = scores.score_takes(own, classes, harness.INSIDE)
         values[person] = scores.values_of(figures)
     return values
 

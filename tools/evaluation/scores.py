@@ -260,7 +260,7 @@ class AnsweredTake:
         return until - self.times
 
 
-def course_of(
+def answered_take(
     take: Take,
     times: NDArray[np.float64],
     recognitions: Sequence[Recognition],
@@ -378,35 +378,35 @@ class AnsweredSegment(NamedTuple):
         return 2 * self.right > self.seconds * (1 + 1e-9)
 
 
-def stretches_of(courses: Sequence[AnsweredTake], window: float) -> Iterator[AnsweredSegment]:
+def answered_segments(answered: Sequence[AnsweredTake], window: float) -> Iterator[AnsweredSegment]:
     """Count in every segment of some takes.
 
     Parameters
     ----------
-    courses
+    answered
         The takes.
     window
         Seconds before a moment that must lie inside the segment.
     """
-    for course in courses:
-        begun, started, every = _begun(course.published), _begun(course.event), course.lasts
-        for index, segment in enumerate(course.segments):
-            frames = np.flatnonzero(course.segment == index)
+    for one in answered:
+        begun, started, every = _begun(one.published), _begun(one.event), one.lasts
+        for index, segment in enumerate(one.segments):
+            frames = np.flatnonzero(one.segment == index)
             if not frames.size:
                 continue
-            truth, times = int(course.truth[frames[0]]), course.times[frames]
-            right, named = course.guess[frames] == truth, course.published[frames] != NONE
+            truth, times = int(one.truth[frames[0]]), one.times[frames]
+            right, named = one.guess[frames] == truth, one.published[frames] != NONE
             lasts = every[frames]
             inside = times - window >= segment.start
-            scores = course.score[frames][inside]
+            scores = one.score[frames][inside]
             known = truth != NONE
             first = _first_lasting(right, times) if known else None
-            going_on = np.flatnonzero(course.event[frames] == truth) if known else frames[:0]
-            again = index > 0 and course.segments[index - 1].label == segment.label
+            going_on = np.flatnonzero(one.event[frames] == truth) if known else frames[:0]
+            again = index > 0 and one.segments[index - 1].label == segment.label
             delay = None if first is None or again else float(times[first] - segment.start)
             yield AnsweredSegment(
-                key=(course.name, index),
-                person=course.person,
+                key=(one.name, index),
+                person=one.person,
                 segment=segment,
                 truth=truth,
                 seconds=float(lasts.sum()),
@@ -440,35 +440,35 @@ def _first_lasting(right: NDArray[np.bool_], times: NDArray[np.float64]) -> int 
     return None
 
 
-def answer_rows(courses: Sequence[AnsweredTake], classes: Sequence[str]) -> Iterator[dict[str, Any]]:
+def answer_rows(answered: Sequence[AnsweredTake], classes: Sequence[str]) -> Iterator[dict[str, Any]]:
     """Give a row for each answer: take, person, the class performed, the label of its segment, and the answer.
 
     `truth` is empty where the library does not know what is performed, or no label says it; scores of classes that the
     take's library lacks are empty, too.
     """
     scores = dict.fromkeys((f"score {name}" for name in classes), "")
-    for course in courses:
-        for answer in course.answers:
-            frame = max(int(np.searchsorted(course.times, answer.time, side="right")) - 1, 0)
-            truth, segment = int(course.truth[frame]), int(course.segment[frame])
+    for one in answered:
+        for answer in one.answers:
+            frame = max(int(np.searchsorted(one.times, answer.time, side="right")) - 1, 0)
+            truth, segment = int(one.truth[frame]), int(one.segment[frame])
             yield {
-                "take": course.name,
-                "person": course.person,
+                "take": one.name,
+                "person": one.person,
                 "truth": "" if truth == NONE else classes[truth],
-                "performed": "" if segment < 0 else course.segments[segment].label,
+                "performed": "" if segment < 0 else one.segments[segment].label,
                 **{name: value for name, value in answer.as_dict().items() if name not in scores},
                 **scores,
                 **dict(zip((f"score {name}" for name in answer.classes), answer.scores.tolist(), strict=True)),
             }
 
 
-def segment_rows(courses: Sequence[AnsweredTake], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
+def segment_rows(answered: Sequence[AnsweredTake], classes: Sequence[str], window: float) -> Iterator[dict[str, Any]]:
     """Give a row for each segment: take, person, times, the class performed, and how it was answered; shares of time.
 
     `delay` and `event_delay` are seconds from its start, None where no right guess lasted and no right event came, and
     where the segment follows one of its class.
     """
-    for each in stretches_of(courses, window):
+    for each in answered_segments(answered, window):
         yield {
             "take": each.key[0],
             "person": each.person,
@@ -520,14 +520,14 @@ def basis_of(seconds: Sequence[float], persons: Sequence[str]) -> Basis:
     return {"seconds": float(sum(seconds)), "segments": len(seconds), "persons": known}
 
 
-def score_courses(
-    courses: Sequence[AnsweredTake], classes: Sequence[str], window: float
+def score_takes(
+    answered: Sequence[AnsweredTake], classes: Sequence[str], window: float
 ) -> tuple[dict[str, Figure], dict[str, Mapping[str, Any]]]:
     """Score some takes together: how right the answers were.
 
     Parameters
     ----------
-    courses
+    answered
         At least one. Courses of the same name belong to the same take, recognised by several libraries.
     classes
         The library's class names.
@@ -541,10 +541,10 @@ def score_courses(
     `known`, `unknown`, `containing`: the basis of the figures of known motions, of unknown motions, and of
     `takes_found` (segments are takes for the last). A segment that several libraries were asked about counts once.
     """
-    stretches = list(stretches_of(courses, window))
+    stretches = list(answered_segments(answered, window))
     of_known = [each for each in stretches if each.known]
     known, unknown = _grouped(of_known, "key"), _grouped([each for each in stretches if not each.known], "key")
-    takes, containing = _grouped(courses, "name"), _grouped([each for each in courses if each.contains], "name")
+    takes, containing = _grouped(answered, "name"), _grouped([each for each in answered if each.contains], "name")
     figures: dict[str, Figure] = {
         "frame_accuracy": _ratio(known, lambda each: each.right, _seconds),
         "segment_accuracy": _ratio(known, lambda each: each.right_inside, lambda each: each.inside),
@@ -604,9 +604,9 @@ def _persons(units: Sequence[Sequence[Any]]) -> list[str]:
     return [unit[0].person for unit in units]
 
 
-def _found(course: AnsweredTake) -> int:
+def _found(one: AnsweredTake) -> int:
     """Count the classes of a take that were named at some time."""
-    return len({*course.contains} & {*course.published.tolist()})
+    return len({*one.contains} & {*one.published.tolist()})
 
 
 def _changes(track: NDArray[np.intp]) -> int:

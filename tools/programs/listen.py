@@ -91,7 +91,8 @@ def advice(survey: Survey, guess: Guess | None, address: str | None) -> list[str
         lines.append(f"{', '.join(waiting)}: the sender sends only what changes; let it send all once, or always")
     elif guess is None:
         nearest = "touchdesigner" if any(each.endswith((":tx", ":ty", ":tz")) for each in addresses) else "native"
-        lines.append(f"no known feed: kinespace feeds {nearest} > my.toml begins a preset for these addresses")
+        begun = f"kinespace feeds {nearest} > my.toml begins a preset"
+        lines.append(f"no known feed: kinespace listen shows the messages (end this first); {begun}")
     if guess is None:
         return lines
     lines += [*_lacking(survey, guess), *_odd(guess)]

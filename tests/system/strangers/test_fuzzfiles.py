@@ -36,7 +36,7 @@ from kinespace.stream.zeromq.keys import make_keys
 from kinespace.tools.cli.main import main
 from kinespace.tools.evaluation.annotations import write_annotations
 from kinespace.tools.evaluation.harness import Take
-from kinespace.tools.evaluation.scores import course_of
+from kinespace.tools.evaluation.scores import answered_take
 
 pytestmark = pytest.mark.slow
 
@@ -76,7 +76,7 @@ def _annotated(name: str) -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
         take = Take(stick_clips(takes=1, frames=20)[0], (Segment(0, 0.03, "a"), Segment(0.03, 0.06, "b")))
         answer = Recognition("p", 0.03, Outcome.NAMED, ("a",), np.ones(1), 0.1)
-        said = course_of(take, take.clip.times, [answer], classes=("a",), known=("a",))
+        said = answered_take(take, take.clip.times, [answer], classes=("a",), known=("a",))
         write_annotations(folder / name, [said])
         return folder / name
 

@@ -1,4 +1,4 @@
-"""How what was said is scored: counted by hand, and of random courses against a naive count."""
+"""How what was said is scored: counted by hand, and of random takes against a naive count."""
 
 import json
 from collections.abc import Sequence
@@ -24,11 +24,11 @@ from kinespace.tools.evaluation.evaluate_teach import Reply, scored
 from kinespace.tools.evaluation.harness import AskedTake, Feed, Protocol, Take, asked_by
 from kinespace.tools.evaluation.scores import (
     AnsweredTake,
-    course_of,
+    answered_take,
     percentile,
     ratio,
     roc_area,
-    score_courses,
+    score_takes,
     values_of,
 )
 from kinespace.tools.evaluation.words import DoneTake, Heard, Said, Span, by_class, score_done, score_words, word_rows
@@ -61,7 +61,7 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
         replace(empty, name="two", published=still, contains=(WAVE,), person="ann"),
         replace(empty, name="three", published=once, contains=()),
     ]
-    figures, described = score_courses(takes, CLASSES, 1.0)
+    figures, described = score_takes(takes, CLASSES, 1.0)
     values = values_of(figures)
     assert values["takes_found"] == pytest.approx(1 / 3)
     assert described["containing"] == {"seconds": pytest.approx(2 * SECONDS), "segments": 2, "persons": 1}
@@ -72,8 +72,8 @@ def test_a_class_is_found_that_is_named_at_some_time() -> None:
 # --- against the twin --------------------------------------------------------------------------------------------
 
 
-def _random_course(generator: np.random.Generator, frames: int, most_apart: int = 1) -> AnsweredTake:
-    """Make a course whose frames are a thirtieth of a second apart, or up to so many."""
+def _random_take(generator: np.random.Generator, frames: int, most_apart: int = 1) -> AnsweredTake:
+    """Make a take whose frames are a thirtieth of a second apart, or up to so many."""
     times = np.cumsum(generator.integers(1, most_apart + 1, frames)) / 30
     edges = np.sort(generator.choice(times, size=12, replace=False)) + 0.005 * (most_apart - 1)
     stretches = [pair for pair, there in zip(pairwise(edges), generator.random(11), strict=True) if there > 0.2]
@@ -95,12 +95,12 @@ def _random_course(generator: np.random.Generator, frames: int, most_apart: int 
     )
 
 
-def _moments(course: AnsweredTake) -> list[Moment]:
-    untils = [*course.times[1:].tolist(), course.times[-1] + course.seconds / (len(course.times) - 1)]
-    tracks = (course.times, course.segment, course.truth, course.guess, course.published, course.event, course.score)
+def _moments(one: AnsweredTake) -> list[Moment]:
+    untils = [*one.times[1:].tolist(), one.times[-1] + one.seconds / (len(one.times) - 1)]
+    tracks = (one.times, one.segment, one.truth, one.guess, one.published, one.event, one.score)
     moments = list[Moment]()
     for until, time, place, *answered in zip(untils, *(track.tolist() for track in tracks), strict=True):
-        segment = course.segments[place]
+        segment = one.segments[place]
         lasts = min(until, segment.end if place >= 0 else np.inf) - time
         moments.append(Moment(time, lasts, place, segment.start, segment.end, *answered))
     return moments
@@ -114,12 +114,12 @@ def _moments(course: AnsweredTake) -> list[Moment]:
     most_apart=st.sampled_from([1, 6]),
 )
 @settings(max_examples=30)
-def test_any_course_is_scored_as_a_walk_through_moments(seed: int, takes: int, window: float, most_apart: int) -> None:
-    """Every figure of random courses, and of each class, is the one that walking through them by moments gives."""
+def test_any_take_is_scored_as_a_walk_through_moments(seed: int, takes: int, window: float, most_apart: int) -> None:
+    """Every figure of random takes, and of each class, is the one that walking through them by moments gives."""
     generator = np.random.default_rng(seed)
-    courses = [_random_course(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
-    courses = [replace(course, name=f"{place}") for place, course in enumerate(courses)]
-    walked, (figures, described) = [_moments(course) for course in courses], score_courses(courses, CLASSES, window)
+    answered = [_random_take(generator, int(generator.integers(100, 400)), most_apart) for _ in range(takes)]
+    answered = [replace(one, name=f"{place}") for place, one in enumerate(answered)]
+    walked, (figures, described) = [_moments(one) for one in answered], score_takes(answered, CLASSES, window)
     exact, values = naive_score.stream_score(walked, window, 0.3), values_of(figures)
     assert values.keys() == exact.keys()
     for name, value in exact.items():
@@ -141,20 +141,20 @@ def _recognition(time: float, best: int, score: float, outcome: Outcome = Outcom
     return Recognition("p", time, outcome, CLASSES, scores, guess=best, movement=0.1)
 
 
-def test_a_course_holds_each_answer_until_the_next() -> None:
+def test_a_take_holds_each_answer_until_the_next() -> None:
     """Answers of hops and events hold from their time until the next, at every frame."""
     told = ((0.5, BOW, 0.9, Outcome.UNKNOWN), (1.0, JUMP, 0.8, Outcome.NAMED), (3.0, BOW, 0.7, Outcome.NAMED))
     answers = [_recognition(*each) for each in told]
     happened = ((EventKind.START, JUMP, 1.5), (EventKind.END, JUMP, 3.5), (EventKind.START, WAVE, 3.5))
     events = tuple(Event("p", kind, CLASSES[index], index, 0.9, time) for kind, index, time in happened)
-    course = _laid_out([replace(answers[0], events=events), *answers[1:]])
-    assert course.guess.tolist() == [NONE] * 4 + [BOW] * 4 + [JUMP] * 16 + [BOW] * 40
-    assert course.published.tolist() == [NONE] * 8 + [JUMP] * 16 + [BOW] * 40
-    assert course.event.tolist() == [NONE] * 12 + [JUMP] * 16 + [WAVE] * 36
-    assert np.array_equal(course.score, [np.nan] * 4 + [0.9] * 4 + [0.8] * 16 + [0.7] * 40, equal_nan=True)
-    assert course.segment.tolist() == [0] * 16 + [NONE] * 4 + [1] * 20 + [2] * 20 + [3] * 4
-    assert course.truth.tolist() == [BOW] * 16 + [NONE] * 4 + [JUMP] * 20 + [NONE] * 20 + [WAVE] * 4
-    assert (course.name, course.segments, len(course.answers)) == ("take", SEGMENTS, 3)
+    one = _laid_out([replace(answers[0], events=events), *answers[1:]])
+    assert one.guess.tolist() == [NONE] * 4 + [BOW] * 4 + [JUMP] * 16 + [BOW] * 40
+    assert one.published.tolist() == [NONE] * 8 + [JUMP] * 16 + [BOW] * 40
+    assert one.event.tolist() == [NONE] * 12 + [JUMP] * 16 + [WAVE] * 36
+    assert np.array_equal(one.score, [np.nan] * 4 + [0.9] * 4 + [0.8] * 16 + [0.7] * 40, equal_nan=True)
+    assert one.segment.tolist() == [0] * 16 + [NONE] * 4 + [1] * 20 + [2] * 20 + [3] * 4
+    assert one.truth.tolist() == [BOW] * 16 + [NONE] * 4 + [JUMP] * 20 + [NONE] * 20 + [WAVE] * 4
+    assert (one.name, one.segments, len(one.answers)) == ("take", SEGMENTS, 3)
 
 
 def _laid_out(
@@ -162,28 +162,28 @@ def _laid_out(
 ) -> AnsweredTake:
     clip = replace(stick_clip("bow", frames=len(TIMES)), name="take", actor="")
     take = Take(clip, tuple(segments), contains=() if segments else ("wave", "bow"))
-    return course_of(take, TIMES, recognitions, classes=CLASSES, known=known)
+    return answered_take(take, TIMES, recognitions, classes=CLASSES, known=known)
 
 
 def test_still_is_no_guess_and_unknown_is_one() -> None:
     """A still body has no guess; an unknown motion has a guess that is not named; an implausible one is doubted."""
     outcomes = (Outcome.STILL, Outcome.UNKNOWN, Outcome.IMPLAUSIBLE)
-    course = _laid_out([_recognition(at, BOW, 0.9, each) for at, each in zip((1.0, 2.0, 6.0), outcomes, strict=True)])
-    assert set(course.guess[:16]) == {NONE}
-    assert set(course.guess[16:48]) == {BOW}
-    assert set(course.published) == {NONE}
-    assert course.doubted == 0.25
+    one = _laid_out([_recognition(at, BOW, 0.9, each) for at, each in zip((1.0, 2.0, 6.0), outcomes, strict=True)])
+    assert set(one.guess[:16]) == {NONE}
+    assert set(one.guess[16:48]) == {BOW}
+    assert set(one.published) == {NONE}
+    assert one.doubted == 0.25
 
 
 def test_classes_that_the_library_lacks_are_unknown() -> None:
     """A class of another take's library that this one's does not know is unknown here, in a segment or in a take."""
-    course = _laid_out([], known=("bow", "wave"))
-    assert set(course.truth[course.segment == 1]) == {NONE}
-    assert set(course.truth[course.segment == 3]) == {WAVE}
-    course = _laid_out([_recognition(1.0, BOW, 0.9)], known=("bow",), segments=())
-    assert set(course.segment) == set(course.truth) == {NONE}
-    assert (course.contains, course.seconds) == ((BOW,), SECONDS)
-    assert set(course.published[8:]) == {BOW}
+    one = _laid_out([], known=("bow", "wave"))
+    assert set(one.truth[one.segment == 1]) == {NONE}
+    assert set(one.truth[one.segment == 3]) == {WAVE}
+    one = _laid_out([_recognition(1.0, BOW, 0.9)], known=("bow",), segments=())
+    assert set(one.segment) == set(one.truth) == {NONE}
+    assert (one.contains, one.seconds) == ((BOW,), SECONDS)
+    assert set(one.published[8:]) == {BOW}
 
 
 COMMANDS, SHOW = Span(commands=True), Span(early=0.125, late=1.0)
@@ -335,14 +335,14 @@ def _annotated() -> AnsweredTake:
     answers = [replace(answer, time=each[0].time, events=each) for each in events]
     answers[1] = replace(answers[1], done=Done("p", "bow", 0, 0.02, 0.13, 0.8, 1.0, 1.0))
     take = Take(replace(stick_clip("bow"), actor="ann"), (Segment(0, 0.35, "bow"),))
-    return course_of(take, take.clip.times, answers, classes=("bow",), known=("bow",))
+    return answered_take(take, take.clip.times, answers, classes=("bow",), known=("bow",))
 
 
 def test_elan_reads_what_was_said(tmp_path: Path) -> None:
     """Starts, done motions and labels stand in three tiers of their person, in milliseconds."""
-    path, course = tmp_path / "events.eaf", _annotated()
+    path, one = tmp_path / "events.eaf", _annotated()
     assert is_annotation(path, 1)
-    write_annotations(path, [course])
+    write_annotations(path, [one])
     root = ET.parse(path).getroot()  # noqa: S314 - we wrote it
     slots = {each.attrib["TIME_SLOT_ID"]: int(each.attrib["TIME_VALUE"]) for each in root.iter("TIME_SLOT")}
     tiers = {
@@ -352,7 +352,7 @@ def test_elan_reads_what_was_said(tmp_path: Path) -> None:
         ]
         for tier in root.iter("TIER")
     }
-    last = round(1000 * float(course.times[-1]))
+    last = round(1000 * float(one.times[-1]))
     assert tiers == {
         "started": [(50, 200, "bow"), (300, last, "bow")],
         "done": [(20, 150, "bow")],
@@ -360,8 +360,8 @@ def test_elan_reads_what_was_said(tmp_path: Path) -> None:
     }
     assert {tier.attrib["PARTICIPANT"] for tier in root.iter("TIER")} == {"ann"}
     # A motion that begins and ends at once is none, and no name makes another file than XML.
-    at_once = replace(course.answers[0], events=[Event("p", kind, "bow", 0, 0.9, 0.05) for kind in EventKind])
-    write_annotations(path, [replace(course, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),))])
+    at_once = replace(one.answers[0], events=[Event("p", kind, "bow", 0, 0.9, 0.05) for kind in EventKind])
+    write_annotations(path, [replace(one, answers=[at_once], segments=(Segment(0, 0.35, "b\bow"),))])
     assert [each.text for each in ET.parse(path).iter("ANNOTATION_VALUE")] == ["b\ufffdow"]  # noqa: S314 - as above
     with pytest.raises(ValueError, match="expected one take in a file of ELAN, got 2"):
         is_annotation(path, 2)
@@ -369,14 +369,14 @@ def test_elan_reads_what_was_said(tmp_path: Path) -> None:
 
 def test_boris_reads_what_was_said(tmp_path: Path) -> None:
     """Of several takes each is an observation; each state event begins with a row and ends with the next."""
-    path, course = tmp_path / "events.boris", _annotated()
+    path, one = tmp_path / "events.boris", _annotated()
     assert is_annotation(path, 2)
     assert not is_annotation(Path("rows.csv"), 2)
-    write_annotations(path, [course, replace(course, name="again")])
+    write_annotations(path, [one, replace(one, name="again")])
     project = json.loads(path.read_text(encoding="utf-8"))
     codes = {each["code"]: each["type"] for each in project["behaviors_conf"].values()}
     assert codes == dict.fromkeys(("done bow", "performed bow", "started bow"), "State event")
-    assert set(project["observations"]) == {course.name, "again"}
+    assert set(project["observations"]) == {one.name, "again"}
     events = project["observations"]["again"]["events"]
     assert [time for time, *_ in events] == sorted(time for time, *_ in events)
     assert [time for time, person, code, *_ in events if (person, code) == ("ann", "done bow")] == [0.02, 0.15]

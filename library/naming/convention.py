@@ -31,8 +31,8 @@ _SIDED = re.compile(
     r"(?:((?i:left|right|l|r))[\s_\-.]+|([lr]|[Ll]eft|[Rr]ight)(?=[A-Z]))(.+)|"
     r"(.+?)(?:[\s_\-.]+((?i:left|right|l|r))|(?<=[a-z\d])(L|R|Left|Right))"
 )
-#: Names that feeds and sets of joints have for a convention.
-_ALSO = {"kinect20": "kinect1", "kinectv2": "kinect2"}
+#: Names that feeds have for a convention.
+_ALSO = {"kinectv2": "kinect2"}
 #: Stands for a side in a convention's names, and for its letter in ours.
 _SIDE = "*"
 

@@ -97,17 +97,21 @@ class Mapper:
             The preset knows the address, but with other arguments.
         """
         ways = [way for way in self._ways(message.address) if way.literals_fit(message.arguments)]
-        why = ""
+        best, why = None, ""
         for way in ways:
-            # Groups of another length may fit the count, but they have numbers in the place of names.
             try:
-                if reading := self._read(way, message.arguments):
-                    return reading
+                reading = self._read(way, message.arguments)
             except (TypeError, OverflowError) as error:
                 why = f": {error}"
-        if ways:
+                continue
+            if reading and reading.means is not Means.FRAME:
+                return reading
+            # Groups of another length may fit the count, too: whole numbers, as 0 of a turn, pass for names.
+            if reading and (best is None or len(reading.sightings) > len(best.sightings)):
+                best = reading
+        if ways and best is None:
             raise MessageError(f"{message.address}: expected other arguments, got {len(message.arguments)}{why}")
-        return None
+        return best
 
     def _find_ways(self, address: str) -> "list[_Way]":
         rules = self.preset.messages if len(address) <= MAX_ADDRESS else ()

@@ -370,7 +370,8 @@ class Joints:
     def note(self) -> str:
         """A note in words: joints that are not believed now, else a jump a moment ago, else nothing."""
         if not self.believed:
-            return in_disorder(len(self.left_out), len(self._names))
+            lost, count = int(np.count_nonzero(self._lost)), len(self._names)
+            return f"joints: {lost} of {count} are not seen" if lost else in_disorder(len(self.left_out), count)
         if self.left_out:
             return f"joints: done without {', '.join(self.doubted)}"
         if self._last_time - self._last_jump <= _SHOWN:

@@ -250,6 +250,8 @@ class _Process:
     begun: float
     absent_from: float
     report: Report | None = None
+    #: Whether it has asked for the library: from then on it hears of others, also while it opens the first.
+    has_asked: bool = False
     newest: float = 0.0
     reports: int = 0
 
@@ -492,7 +494,7 @@ class Gateway(Present[Track]):
 
     def _tell_all(self, library: bytes) -> None:
         """Tell all workers of another library, and of the terms."""
-        for worker in self.ready:
+        for worker in (name for name, each in self._workers.items() if each.has_asked):
             self._send(worker, b"", library, bytes(ForkingPickler.dumps(self.terms)))
 
     def _drop(self, worker: str, report: Report, why: str) -> None:
@@ -513,6 +515,7 @@ class Gateway(Present[Track]):
             each = self._workers.get(worker)
             if each and not message:
                 # Its first word: it needs the library.
+                each.has_asked = True
                 self._send(worker, b"", self._packed, bytes(ForkingPickler.dumps(self.terms)))
             elif each:
                 back = decode_answers(message)

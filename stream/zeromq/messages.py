@@ -98,7 +98,7 @@ def decode(parts: Sequence[bytes], arrival: float) -> NumberedFrame:
         A part is missing, too large, or does not match the header.
     """
     header: Header
-    if len(parts) == 1:
+    if len(parts) == 1 and not parts[0].startswith(b"frame/"):
         header = packed = _unpack(parts[0])
         performer, buffer = packed.performer, packed.data
     else:

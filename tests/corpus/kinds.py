@@ -581,6 +581,8 @@ def _tables() -> dict[str, Kind]:
         "Vicon Tracker": (_vicon("Objects", ("RX", "RY", "RZ", "TX", "TY", "TZ"), "rad,rad,rad,mm,mm,mm"), {}),
         "Vicon Tracker, each thing called twice": (re.sub(r"Ann:(\w+)", r"\1:\1", _vicon("Objects", ("RX", "RY", "RZ", "TX", "TY", "TZ"), "rad,rad,rad,mm,mm,mm")), {}),
         "a joint in capitals that ends like a speed": (table(names=(names := [name.upper().replace("SPINE1", "SPINE_NAVEL") for name in NAMES])), {"names": names}),
+        "a speed in capitals beside": (table(names=[name.upper() for name in (*NAMES, "Left_HandVel")], positions=np.concatenate([BODY, BODY[:, 6:7] * 0.3], axis=1)), {"names": [name.upper() for name in NAMES], "tells": "no positions: LEFT_HANDVEL"}),
+        "a date in the clock's first cell": (table(times=["2026-01-02", *(f"{time:.4f}" for time in TIMES[1:])]), {"frames": slice(1, None), "tells": "1 frame"}),
         "times that nothing reads": (table(times=[f"10-59-{place // 60:02}_{place:03}" for place in range(48)]), {"rate": 30.0, "tells": "times: none"}),
         "Blender's bones": (table(head=lambda name, axis: f'"pose.bones[""{name}""].location[{"xyz".index(axis)}]"'), {}),
         "Blender's vectors": (_points("<Vector ({:.4f}, {:.4f}, {:.4f})>"), {}),

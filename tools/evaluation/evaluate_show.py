@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> None:
     if not everyday:
         if options.beside:
             raise ValueError("--beside: expected --movement, because the library's own motions are known there")
-        note("everyday movement: the built-in library's motions of other classes than the gestures; --movement")
+        note("everyday movement: the built-in library's motions of other classes; --movement gives other")
     heard, named = list[Heard](), list[bool]()
     for number in progress(range(options.shows), "Playing", options.shows):
         show = drawn(library, everyday, options, number)

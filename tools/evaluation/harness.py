@@ -139,12 +139,14 @@ def read_takes(sources: Sources, reading: Reading) -> list[Take]:
     reader, named = RecordingReader(reading), NameNotes()
     read = progress(wanted, "Reading", len(wanted))
     takes = [_take(named(reader.clip(entry.path)), entry, reading) for entry in read]
+    people = sorted({*(take.person for take in takes), *(entry.person or "" for entry in entries)} - {""})
     takes = [take for take in takes if sources.wants(take.person)]
     for take in takes:
         for line in oddities(take.clip, take.segments) if take.is_known else ():
             note(line)
     if not takes:
-        raise ValueError(f"--takes, --subjects: expected takes of {', '.join(sources.persons) or 'anybody'}, got none")
+        there = f"those of {', '.join(people)}" if people else "none"
+        raise ValueError(f"takes: expected some of {', '.join(sources.persons) or 'anybody'}, got {there}")
     return _with_distinct_names(_with_labels(takes, sources.names))
 
 

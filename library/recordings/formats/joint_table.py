@@ -66,6 +66,7 @@ _MOST_PEOPLE = 64
 _CLOCK = re.compile(
     r"(?i)(?:.*[\sT,_])?(?:(\d+):)?(\d+):(\d+(?:[.,]\d+)?)(?:[:;](\d+)\S*)?(?: ?[AP]\.?M\.?)?(?:Z| ?UTC|[+-][\d:]+)?"
 )
+_DATE = re.compile(r"\d+([-./])\d+\1\d+")
 #: A time with its unit.
 _WITH_UNIT = re.compile(r"([-+\d.,]{1,40}) ?([^\W\d]{1,12})")
 #: Frames that a second of such times counts, at most, unless the header says more.
@@ -604,5 +605,8 @@ def _moment(text: str) -> float | None:
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
     found = _WITH_UNIT.fullmatch(text.strip())
     unit = SECONDS.get(found[2].lower()) if found else None
+    # A date alone, and the times of several cameras (`{'a': 0.1, 'b': 0.2}`), are no moments.
+    if _DATE.fullmatch(text.strip()) or text.startswith(("{", "[")):
+        return math.nan
     number = number_of(found[1] if found and unit else text)
     return number if number is None else number * (unit or 1.0)

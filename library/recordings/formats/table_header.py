@@ -221,9 +221,8 @@ def _is_no_place(name: str, ahead: Collection[tuple[str, ...]], no_places: froze
     *front, last = words_of(name) or [""]
     if last in ("forward", "up", "right") and (*front,) in ahead:
         return True
-    # Where marks are between its words each is one: `SPINE_NAVEL`.
-    is_one_word = name.isupper() and name.rpartition(":")[2].isalnum()
-    ends = tuple(word for word in no_places if len(word) > 2) if is_one_word else ()
+    # A navel ends like a velocity.
+    ends = tuple(word for word in no_places if len(word) > 2) if name.isupper() and last != "navel" else ()
     # ROS puts `field.` in front of all its names.
     is_field = name.lower() == "field"
     return is_field or bool(no_places & {*words_of(name)}) or name.lower().removesuffix("s").endswith(ends)

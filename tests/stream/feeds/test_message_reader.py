@@ -79,6 +79,16 @@ def test_more_joints_than_names_are_refused() -> None:
             target.read(Message("/skeleton", [1.0] * count))
 
 
+def test_bones_in_even_number_are_not_taken_for_longer_groups() -> None:
+    """Twelve arguments each fill eights, too; a turn of nothing is no name."""
+    preset = builtin_preset("natnet2osc")
+    names = [*preset.joint_map][:18]
+    bones = [each for name in names for each in (name, 0.1, 1.0, 0.2, 0.0, 0.0, 0.0, 1.0, 1, 0.0, 0.1, 0.0)]
+    content = Mapper(preset).read(Message("/skeleton", ["Jan", 3, *bones]))
+    assert content is not None
+    assert len(content.sightings) == len(names)
+
+
 def test_memory_is_bounded() -> None:
     """A sender that makes up addresses, joints and names fills a bounded memory."""
     target = Mapper(builtin_preset("natnetthree2osc"))

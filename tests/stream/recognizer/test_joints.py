@@ -128,7 +128,7 @@ def test_a_joint_lost_for_long_is_left_out_for_some_seconds(sticks: MotionLibrar
     lost[10:20, 4:] = np.nan
     joints, _ = _mended(sticks, lost[:20])
     assert joints.believed == ()
-    assert joints.note.startswith("joints: 2 of 6 where no body has them")
+    assert joints.note.startswith("joints: 2 of 6 are not seen")
     joints.clear()
     assert (joints.left_out, joints.note) == ((), "")
 

@@ -16,7 +16,7 @@ from written import write_clips, write_take
 from kinespace.library import MotionLibrary, Reading
 from kinespace.library.recordings import ActorIn
 from kinespace.stream import Settings
-from kinespace.tools.evaluation.evaluate_stream import course
+from kinespace.tools.evaluation.evaluate_stream import replayed
 from kinespace.tools.evaluation.harness import Sources, read_takes
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("wide")]
@@ -114,7 +114,7 @@ def test_answers_and_segments_are_tables(folders: dict[str, Path], tmp_path: Pat
     options = f"--library {library} --map salute=hail --actor-in name --answers {answers} --segments {segments}"
     assert ran(*_arguments(f"stream {{takes}} {options}", folders))[0] == 0
     rows, table = ([*csv.DictReader(path.read_text("utf-8").splitlines())] for path in (answers, segments))
-    played = course(takes[0], MotionLibrary.load(library), ("clap", "hail", "row"), Settings())
+    played = replayed(takes[0], MotionLibrary.load(library), ("clap", "hail", "row"), Settings())
     own = [row for row in rows if row["take"] == played.name]
     for row, answer in zip(own, played.answers, strict=True):
         assert (row["guess"], row["label"]) == (answer.as_dict()["guess"], answer.label)

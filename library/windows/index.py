@@ -139,9 +139,8 @@ class WindowIndex:
     def asked_by(self, window: int, left_out: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Compare one of the library's own windows with the others, without some of them.
 
-        The window is given by its index, the windows that are left out by flags, shape (windows,). For each of the
-        weighing's `weights` gives the log distance of each class, shape (weights, classes); infinite for a class
-        without windows left.
+        It is given by its index; flags, (windows,), leave some out. For each of the weighing's `weights` gives the log
+        distance of each class, shape (weights, classes); infinite for a class without windows left.
         """
         asked = [each[window : window + 1].astype(np.float32, order="C") for each in self.vectors]
         return self._windows.logs(asked, np.where(left_out, np.inf, 0.0))[:, 0]

@@ -7,7 +7,7 @@ a .kinerec.
 import argparse
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from kinespace.library import Clip, MotionLibrary, Reading, compiled, distance_r
 from kinespace.library.recordings import find_recordings, instead_of_recording, is_recording, labelled, read_recordings
 from kinespace.library.windows.courses import without_course
 from kinespace.stream.feeds import Preset, builtin_names, builtin_preset
-from kinespace.stream.inputs.kinerec import ENDING, RawFile
+from kinespace.stream.inputs.kinerec import ENDING, RawFile, RawPacket
 from kinespace.stream.inputs.takes import decoded, seen_in
 from kinespace.stream.recognizer.fitting import TITLES, kinds_of
 from kinespace.tools.cli import arguments
@@ -68,11 +68,15 @@ def _raw(file: Path, preset: Preset | None) -> dict[str, Any]:
     """Look through a raw recording: its senders with packets, its performers with frames, and whether it is cut off."""
     recording = RawFile(file)
     senders, arrivals = Counter[str](), list[float]()
-    for packet in progress(recording.packets(), "Reading", None):
-        senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
-        # The first and the last.
-        arrivals[1 if arrivals else 0 :] = [packet.arrival]
-    seen = seen_in(decoded(recording.header, recording.packets(), preset))
+
+    def noting() -> Iterator[RawPacket]:
+        for packet in progress(recording.packets(), "Reading", None):
+            senders[f"{recording.header.sources[packet.source]} from {packet.sender or 'unnamed senders'}"] += 1
+            # The first and the last.
+            arrivals[1 if arrivals else 0 :] = [packet.arrival]
+            yield packet
+
+    seen = seen_in(decoded(recording.header, noting(), preset))
     return {
         "file": str(file),
         "recorded": recording.header.began,

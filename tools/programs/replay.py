@@ -214,8 +214,7 @@ def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
                     senders[kind].send(b"".join(packet.parts) if kind == "osc" else packet.parts)  # type: ignore[arg-type]  # of one kind
                 counts["sent" if kind in senders else "left out"] += 1
             if not counts:
-                why = "; ".join(filter(None, ["got none", recording.damage()]))
-                raise ValueError(f"{path}: expected packets between --from and --to, {why}")
+                raise ValueError(_nothing_to_send(recording))
     sent, left_out = counts["sent"], counts["left out"]
     failed, unheard = sum(each.failed for each in senders.values()), sum(each.unheard for each in senders.values())
     if options.json:
@@ -227,6 +226,15 @@ def replay(path: Path, senders: Senders, options: argparse.Namespace) -> int:
         for line in (f"{sent} packets sent, {counted}", *lost, *filter(None, [recording.damage()])):
             console.say(line)
     return 1 if unheard and unheard >= sent else 0
+
+
+def _nothing_to_send(recording: RawFile) -> str:
+    """Say why a recording, as cut, has no packets."""
+    arrivals = [packet.arrival for packet in recording.packets()]
+    why = "no packets in it"
+    if arrivals:
+        why = f"expected --from and --to within its {arrivals[-1] - arrivals[0]:.2f} s"
+    return f"{recording.path}: {'; '.join(filter(None, [why, recording.damage()]))}"
 
 
 def cut(packets: Iterator[RawPacket], begin: float, end: float | None) -> Iterator[tuple[float, RawPacket]]:

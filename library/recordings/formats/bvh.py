@@ -149,7 +149,8 @@ class _HierarchyReader:
         """Describe the joint whose braces are the innermost."""
         if self._open == [-1]:
             statement.fail(f"{statement.words[0]} stands outside a joint")
-        joint = self.joints[index := self._open[-1]]
+        index = self._open[-1]
+        joint = self.joints[index]
         if word == "offset":
             x, y, z = numbers_in(statement.words[1:], statement.path, statement.number, 3)
             self.joints[index] = replace(joint, offset=(x, y, z))

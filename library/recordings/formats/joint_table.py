@@ -236,7 +236,7 @@ class _Table:
         # Where nobody is seen a row may be shorter than its header.
         self.first = [*self.first, *[""] * (len(head.names) - len(self.first))] if self.first else self.first
         self.columns = [column for axes in head.joints.values() for column in axes]
-        # Some columns of times hold dates, or the times of several cameras.
+        # A column may be called like times, and hold other texts.
         clocks = [column for column in head.clocks if not self.first or _moment(self.first[column]) is not None]
         self.clocks = {column: array("d") for column in clocks}
         free = [each for each in head.free if self.first and "." not in self.first[each]]
@@ -599,13 +599,13 @@ def _known(path: Path, line: int, text: str, reader: Callable[[str], float | Non
 
 
 def _moment(text: str) -> float | None:
-    """Read a time: a number, or hours, minutes, seconds and the number of a frame; None for another text, as a date."""
+    """Read a time: a number, or hours, minutes, seconds and the number of a frame; None for other texts."""
     if clock := _CLOCK.fullmatch(text.strip()) if ":" in text else None:
         hours, minutes, seconds, frame = (float((each or "0").replace(",", ".")) for each in clock.groups())
         return 3600 * hours + 60 * minutes + seconds + frame / _SMPTE
     found = _WITH_UNIT.fullmatch(text.strip())
     unit = SECONDS.get(found[2].lower()) if found else None
-    # A date alone, and the times of several cameras (`{'a': 0.1, 'b': 0.2}`), are no moments.
+    # A date alone, and the times of several cameras (`{'a': 0.1, 'b': 0.2}`), are no moments: NaN.
     if _DATE.fullmatch(text.strip()) or text.startswith(("{", "[")):
         return math.nan
     number = number_of(found[1] if found and unit else text)

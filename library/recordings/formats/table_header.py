@@ -142,7 +142,8 @@ def header_of(rows: Sequence[Sequence[str]], first: Sequence[str] = ()) -> Table
     names = [row for row in rows if not is_numbers(row)]
     for place in range(len(names) - 1, max(len(names) - _DEEP, 0) - 1, -1):
         row, others = names[place], [each for each in rows if each is not names[place]]
-        row = row[len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//") :]
+        if len(row) == len(first) + 1 and row[0].strip() in ("#", "%", "//"):
+            row = row[1:]
         # R names no column for the numbers, or the names, of its rows; a time in front is none.
         is_of_r = len(row) == len(first) - 1 and first[-1] and "." not in first[0]
         row = _continued(["", *row] if is_of_r else row)

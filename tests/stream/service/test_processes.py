@@ -11,6 +11,7 @@ from contextlib import closing
 from multiprocessing.connection import Connection
 from operator import attrgetter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -140,6 +141,20 @@ def test_a_worker_that_cannot_begin_is_an_error(sticks: MotionLibrary, monkeypat
     monkeypatch.setattr(workers, "work", sys.exit)
     with pytest.raises(ChildProcessError, match="worker 1 ended before it was ready"):
         Gateway(1, opened(sticks), Terms(settings=Settings(), most=8))
+
+
+def test_a_worker_that_opens_a_library_hears_of_the_next(
+    sticks: MotionLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker that has not asked for a library yet gets the newest one when it does."""
+    told = list[str]()
+    with closing(Gateway(0, opened(sticks), Terms(Settings(), most=3))) as gateway:
+        monkeypatch.setattr(gateway, "_send", lambda worker, *_: told.append(worker))
+        opens, begins = (SimpleNamespace(has_asked=asked, report=None) for asked in (True, False))
+        monkeypatch.setattr(gateway, "_workers", {"opens": opens, "begins": begins})
+        gateway.exchange(opened(sticks))
+        monkeypatch.undo()
+    assert told == ["opens"]
 
 
 def test_a_further_performer_has_no_room_and_joints_are_put_in_order(sticks: MotionLibrary) -> None:

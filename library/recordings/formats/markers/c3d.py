@@ -122,7 +122,8 @@ def _layout(said: Any, held: int, announced: int) -> tuple[int, int, float]:  # 
         size = (4 if kind[2] < 0 else 2) * (4 * kind[0] + kind[1])
         if not size or not math.isfinite(kind[2]):
             return math.inf
-        return abs(held / size - announced) * (not 0 <= held - announced * size < _BLOCK)
+        fits = 0 <= held - announced * size < _BLOCK
+        return 0.0 if fits else abs(held / size - announced)
 
     if not announced:
         return points[0], others[0], scales[0]
@@ -177,9 +178,10 @@ def _frames(said: Any, content: bytes) -> tuple[NDArray[np.float64], list[str]]:
     fields = numbers[:frames, : width * points].reshape(frames, points, width).astype(np.float64)
     positions = fields[:, :, place : place + 3] * (scale if scale > 0 else 1.0)
     gone = fields[:, :, -1] < 0
-    unsaid = gone.all() & positions.any()
-    notes += ["residuals: all say that nothing was seen, beside places: the places are taken"] * bool(unsaid)
-    positions[gone & ~unsaid] = np.nan
+    if gone.all() and positions.any():
+        notes.append("residuals: all say that nothing was seen, beside places: the places are taken")
+    else:
+        positions[gone] = np.nan
     return positions, notes
 
 
@@ -216,7 +218,8 @@ def read_clips(
     try:
         said = _opened(content)
         positions, notes = _frames(said, content)
-        notes += ["parameters: one is damaged: those behind it are left out"] * (not said.whole)
+        if not said.whole:
+            notes.append("parameters: one is damaged: those behind it are left out")
         labels = [*(_texts("LABELS", said) or _texts("LABELS", said, "ROTATION")), *[""] * positions.shape[1]]
         labels = [label or f"*{number}" for number, label in enumerate(labels[: positions.shape[1]], start=1)]
         no_places = {label for kind in _NO_PLACES for label in _texts(kind, said)}
@@ -234,6 +237,7 @@ def read_clips(
     if not rate:
         raise ValueError("expected a positive POINT:RATE, got 0; give it with --frame-rate")
     metres = metres_per_unit or metres_of(unit)
-    notes += [f"units: {unit!r} is no unit: the body's size tells it; --unit names it"] * bool(unit and not metres)
+    if unit and not metres:
+        notes.append(f"units: {unit!r} is no unit: the body's size tells it; --unit names it")
     names = [labels[index] for index in kept]
     return clips_of_markers(path, names, positions[:, kept], rate, joints, metres=metres, notes=notes)
